@@ -1,0 +1,1 @@
+//! Reflectance models, measured tables and their file formats

@@ -1,0 +1,1 @@
+//! Transports, the stage client, camera back ends

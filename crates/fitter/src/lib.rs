@@ -1,0 +1,1 @@
+//! Fits of reflectance models: variable projection, Levenberg-Marquardt, parameter uncertainty

@@ -1,0 +1,1 @@
+//! Angles, directions, frames; Fresnel and Snell; flake space; colour

@@ -1,0 +1,1 @@
+//! Session journal: write, verify, recover, replay

@@ -1,0 +1,1 @@
+//! Scenes, plots and pictures

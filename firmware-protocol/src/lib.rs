@@ -1,0 +1,2 @@
+//! Wire contract between host and motion controller; no_std, no allocation
+#![no_std]

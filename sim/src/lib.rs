@@ -1,0 +1,1 @@
+//! The virtual instrument: firmware behaviour and ray-traced optics

@@ -1,1 +1,3 @@
 //! The virtual instrument: firmware behaviour and ray-traced optics
+pub mod firmware;
+pub mod world;

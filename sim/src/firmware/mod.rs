@@ -1,0 +1,1 @@
+//! What the motion controller does, without its motors.

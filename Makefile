@@ -1,0 +1,30 @@
+# make demo     scan, record, process and fit a virtual paint, with pictures: out/demo
+# make test     every test, formatting and lints
+# make figures  the figures this project promises, each with value, bound, seed and command; ONLY=name for one of them
+TARGET := $(or $(CARGO_TARGET_DIR),target)
+export GONIO_PYTHON ?= $(abspath $(TARGET))/python/bin/python
+
+.PHONY: demo test figures build clean
+
+demo: build
+	$(TARGET)/release/gonio demo -o out/demo --force
+	@echo "Pictures and report: out/demo (open out/demo/demo.report.html)"
+
+build:
+	@scripts/set-up build
+	cargo build --release --locked -p gonio
+
+test:
+	@scripts/set-up test
+	cargo fmt --all --check
+	cargo clippy --locked --workspace --all-targets -- -D warnings
+	cargo test --locked --workspace
+	@scripts/data-tally
+
+figures:
+	@scripts/set-up build
+	@cargo run --quiet --release --locked -p gonio-tests --bin figures -- $(ONLY)
+
+clean:
+	cargo clean
+	rm -rf out

@@ -14,6 +14,8 @@ use core::time::Duration;
 pub const ASK_INTERVAL: Duration = Duration::from_millis(100);
 /// How often an unanswered emergency stop is repeated.
 pub const EMERGENCY_INTERVAL: Duration = Duration::from_millis(20);
+/// After this long without a sound byte the host asks for a new session by itself.
+pub const SILENCE: Duration = Duration::from_millis(1000);
 
 /// Something the host program should know.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,12 +24,11 @@ pub enum HostEvent {
     Connected(Hello),
     /// The device speaks another protocol or another schema; nothing more is sent to it.
     Incompatible(Hello),
-    /// The session is gone and a new one is being asked for.
-    Lost {
-        /// Boot counter in the device's announcement.
+    /// The boot counter has changed: every position is void, running commands are lost, and a new session is being
+    /// asked for.
+    Rebooted {
+        /// Boot counter in the device's announcement or answer.
         boot: u32,
-        /// The boot counter has changed: every position is void and running commands are lost.
-        rebooted: bool,
     },
     /// About a command.
     Reply {
@@ -92,6 +93,7 @@ pub struct Host {
     emergency: Option<(u32, Duration)>,
     emergencies: u32,
     heard: Option<Duration>,
+    link_began: Duration,
     statistics: HostStatistics,
 }
 
@@ -111,6 +113,7 @@ impl Host {
             emergency: None,
             emergencies: 0,
             heard: None,
+            link_began: Duration::ZERO,
             statistics: HostStatistics::default(),
         }
     }
@@ -120,8 +123,11 @@ impl Host {
         matches!(self.state, State::Connected { .. })
     }
 
-    /// Queues a command. Ids must rise; a command repeated after [`HostEvent::Connected`] keeps its id.
+    /// Queues a command; [`Full`] also without a session. Ids must rise; a command repeated after [`HostEvent::Connected`] keeps its id.
     pub fn command(&mut self, id: u32, command: Command) -> Result<(), Full> {
+        if !self.is_connected() {
+            return Err(Full);
+        }
         let body = to_body(&ToDevice::Command { id, command }).map_err(|_| Full)?;
         self.link.send(body)
     }
@@ -148,7 +154,7 @@ impl Host {
         self.heard.map(|at| now.saturating_sub(at))
     }
 
-    /// Asks for a new session, because the caller has found the device silent.
+    /// Asks for a new session; done by itself after [`SILENCE`].
     pub fn reconnect(&mut self, now: Duration) {
         self.session = self.session.wrapping_add(1).max(1);
         self.link.close();
@@ -186,6 +192,10 @@ impl Host {
 
     /// The next bytes to send, if any are due; call until it gives `None`.
     pub fn poll_transmit(&mut self, now: Duration) -> Option<Encoded> {
+        let heard = self.heard.unwrap_or_default().max(self.link_began);
+        if self.is_connected() && now.saturating_sub(heard) >= SILENCE {
+            self.reconnect(now);
+        }
         match self.state {
             State::Refused => None,
             State::Asking { next } => (now >= next).then(|| {
@@ -250,30 +260,37 @@ impl Host {
                     self.state = State::Refused;
                     return Some(HostEvent::Incompatible(hello));
                 }
+                if let Some(rebooted) = self.started(hello.boot) {
+                    // The caller must hear of it before a session begins; the next greeting begins it.
+                    self.reconnect(now);
+                    return Some(rebooted);
+                }
                 self.link.open(hello.session, hello.window);
                 self.state = State::Connected { next_heartbeat: now };
                 self.counter = 0;
-                self.boot = Some(hello.boot);
+                self.link_began = now;
                 self.statistics.sessions += 1;
                 Some(HostEvent::Connected(hello))
             }
             (Role::Answer, _) => None,
             (Role::Announce, State::Asking { .. }) => {
                 self.state = State::Asking { next: now };
-                self.lost(hello.boot)
+                self.started(hello.boot)
             }
+            // With the known boot counter it is a late one, from before the session.
+            (Role::Announce, State::Connected { .. }) if self.boot == Some(hello.boot) => None,
             (Role::Announce, State::Connected { .. }) => {
                 self.reconnect(now);
-                self.lost(hello.boot).or(Some(HostEvent::Lost { boot: hello.boot, rebooted: false }))
+                self.started(hello.boot)
             }
         }
     }
 
     /// Told once per restart.
-    fn lost(&mut self, boot: u32) -> Option<HostEvent> {
+    fn started(&mut self, boot: u32) -> Option<HostEvent> {
         let rebooted = self.boot.is_some_and(|known| known != boot);
         self.boot = Some(boot);
-        rebooted.then_some(HostEvent::Lost { boot, rebooted })
+        rebooted.then_some(HostEvent::Rebooted { boot })
     }
 
     fn message(&mut self, now: Duration, message: ToHost) -> HostEvent {

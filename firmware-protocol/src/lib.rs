@@ -24,7 +24,7 @@ pub mod message;
 pub const PROTOCOL_VERSION: u8 = 1;
 
 /// FNV-1a (64 bit) of the schema block in `SPEC.md`. Changes whenever a message changes, even by accident.
-pub const SCHEMA_HASH: u64 = 0;
+pub const SCHEMA_HASH: u64 = 0xCFEA0F1C6BB0AEA9;
 
 /// How often a connected host sends a heartbeat.
 pub const HEARTBEAT_INTERVAL: core::time::Duration = core::time::Duration::from_millis(40);

@@ -62,13 +62,16 @@ pub enum Received {
     Damaged(FrameError),
 }
 
-/// The send window is full: [`Link::poll_transmit`], wait for acknowledgements, try again.
+/// The link takes nothing more now: [`Link::poll_transmit`], wait for acknowledgements, try again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Full;
 
 impl fmt::Display for Full {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{WINDOW} frames wait for an acknowledgement already; try again after the next one")
+        write!(
+            f,
+            "no session, or {WINDOW} frames wait for their acknowledgement; try again after the next one"
+        )
     }
 }
 

@@ -164,6 +164,8 @@ pub struct Status {
     pub shutter_open: bool,
     /// The lamp burns.
     pub lamp_on: bool,
+    /// The lamp burns steadily at the level asked for.
+    pub lamp_warm: bool,
     /// Level asked for.
     pub lamp_level_ppm: u32,
     /// The interlock is closed.

@@ -1,1 +1,38 @@
-//! The command line of gonio
+//! The command line of gonio: a library with a thin main.
+//!
+//! Commands put the rooms together and speak to people; what they compute is computed elsewhere. This is the only crate (with the
+//! tests) that knows both the simulator and the driver.
+
+pub mod arguments;
+pub mod commands;
+pub mod control;
+pub mod outcome;
+pub mod output;
+pub mod progress;
+
+use std::ffi::OsString;
+use std::process::ExitCode;
+
+use clap::Parser;
+
+pub use outcome::{Failure, Outcome};
+
+/// Runs a command line, program name first, and gives the exit code of the contract.
+pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
+    let arguments = match arguments::Arguments::try_parse_from(arguments) {
+        Ok(a) => a,
+        Err(e) => {
+            let _ = e.print();
+            return ExitCode::from(if e.use_stderr() { 2 } else { 0 });
+        }
+    };
+    let level = match arguments.verbose {
+        0 => "warn",
+        1 => "info",
+        _ => "debug",
+    };
+    let filter = tracing_subscriber::EnvFilter::try_from_env("GONIO_LOG").unwrap_or_else(|_| level.into());
+    // a second call in one process (tests) keeps the first subscriber
+    let _ = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).try_init();
+    outcome::exit_code(&commands::dispatch(arguments))
+}

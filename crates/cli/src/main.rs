@@ -1,4 +1,7 @@
 //! Thin entry point: everything lives in the library.
-fn main() -> std::process::ExitCode {
-    std::process::ExitCode::SUCCESS
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    gonio::run(std::env::args_os())
 }

@@ -1,0 +1,369 @@
+//! The command line: names, flags and their help. What each does is in [`crate::commands`].
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+/// Run a camera-based gonioreflectometer, and turn what it sees into paint that can be rendered.
+#[derive(Debug, Parser)]
+#[command(name = "gonio", version, propagate_version = true, max_term_width = 110)]
+pub struct Arguments {
+    /// Print the result as one JSON object on stdout (keys: docs/json.md)
+    #[arg(long, global = true)]
+    pub json: bool,
+    /// More log lines on stderr (-v progress, -vv details)
+    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
+    pub verbose: u8,
+    /// What to do
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// The commands of the contract.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// A whole scan of a virtual paint: recorded, processed, fitted, with pictures
+    #[command(after_help = "Examples:\n  gonio demo\n  gonio demo -o out/blue --seed 7 --exponent 410")]
+    Demo(DemoArguments),
+    /// Scan a sample or a reference and record the session
+    #[command(
+        after_help = "Examples:\n  gonio scan --device sim --truth paint.json -o S.mcap --fit\n  gonio scan --device serial:/dev/ttyUSB0 --camera sim:cam.sock --kind white -o white.mcap\n  gonio scan --device sim -o S.mcap --resume      go on after an interruption"
+    )]
+    Scan(ScanArguments),
+    /// Recompute the BRDF from a recorded session
+    #[command(after_help = "Examples:\n  gonio replay S.mcap -o S.nc\n  gonio replay S.mcap --reference S.white.mcap -o again.nc --fit")]
+    Replay(ReplayArguments),
+    /// Check every byte of a session: 0 intact, 3 readable with loss, 1 unreadable
+    #[command(after_help = "Example:\n  gonio verify S.mcap")]
+    Verify {
+        /// The session
+        session: PathBuf,
+    },
+    /// Copy what is intact of a damaged session into a new one
+    #[command(after_help = "Example:\n  gonio recover S.mcap -o rescued.mcap")]
+    Recover {
+        /// The damaged session
+        session: PathBuf,
+        /// The session to write
+        #[arg(short, long)]
+        output: PathBuf,
+        /// Overwrite the output
+        #[arg(long)]
+        force: bool,
+    },
+    /// Serve the virtual instrument as devices that other programs can open
+    #[command(after_help = "Example:\n  gonio sim --pty stage --camera-socket cam.sock --truth paint.json &\n  gonio scan --device serial:stage --camera sim:cam.sock --reference W.mcap -o S.mcap")]
+    Sim(SimArguments),
+    /// Fit a model to a measured BRDF; no starting values
+    #[command(after_help = "Examples:\n  gonio fit S.nc -o model.json\n  gonio fit cayman.brdf --weights none --max-angle-deg 60\n  gonio fit merl_nbrdf.f32#blue-metallic-paint")]
+    Fit(FitArguments),
+    /// Evaluate a table or a model at the geometries of a CSV file
+    #[command(after_help = "Example:\n  printf 'theta_i_deg,theta_o_deg,phi_deg\\n45,30,180\\n' > g.csv; gonio eval model.json --geometries g.csv -o out.csv")]
+    Eval(EvalArguments),
+    /// Isochromatic lines: the in-plane geometries that see the same flakes
+    #[command(after_help = "Example:\n  gonio isoline --index 1.5 --method clip --geometries g.csv -o out.csv")]
+    Isoline(IsolineArguments),
+    /// Convert between measured formats, or sample a model onto Sopp's grid
+    #[command(after_help = "Examples:\n  gonio convert S.nc S.csv\n  gonio convert carpaint_blue.mbsdf blue.nc")]
+    Convert {
+        /// What to read (any known format; FILE#NAME for a network)
+        input: String,
+        /// What to write; the ending chooses: .nc or .csv
+        output: PathBuf,
+        /// Overwrite the output
+        #[arg(long)]
+        force: bool,
+    },
+    /// Tell what any file holds
+    #[command(after_help = "Examples:\n  gonio info S.mcap\n  gonio info S.nc --json")]
+    Info {
+        /// The file (FILE#NAME for a network)
+        file: String,
+    },
+    /// Draw the pictures of a measured BRDF or a model, and a report
+    #[command(after_help = "Example:\n  gonio show S.nc --model S.model.json -o pictures")]
+    Show(ShowArguments),
+    /// State of the scans that run on this machine
+    Status,
+    /// Stop a running scan in a controlled way; --emergency stops motion and lamp at once
+    Stop {
+        /// Emergency stop
+        #[arg(long)]
+        emergency: bool,
+        /// Pause instead; `gonio stop --resume` goes on
+        #[arg(long, conflicts_with_all = ["emergency", "resume"])]
+        pause: bool,
+        /// Go on after a pause
+        #[arg(long, conflicts_with = "emergency")]
+        resume: bool,
+    },
+    /// Look at ports and permissions: what is wrong, how to mend it
+    Doctor,
+}
+
+/// `gonio demo`.
+#[derive(Debug, Args)]
+pub struct DemoArguments {
+    /// Folder for session, table, model, report and pictures
+    #[arg(short, long, default_value = "gonio-demo")]
+    pub output: PathBuf,
+    /// Seed of the instrument's noise
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Exponent of the demo paint
+    #[arg(long)]
+    pub exponent: Option<f64>,
+    /// Diffuse colour of the demo paint, r,g,b
+    #[arg(long, value_delimiter = ',', num_args = 3)]
+    pub diffuse: Option<Vec<f64>>,
+    /// Specular colour of the demo paint, r,g,b
+    #[arg(long, value_delimiter = ',', num_args = 3)]
+    pub specular: Option<Vec<f64>>,
+    /// Use the small instrument: seconds instead of a minute, coarser numbers
+    #[arg(long)]
+    pub tiny: bool,
+    /// Overwrite an earlier demo
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// What a session measures.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum Kind {
+    /// A sample
+    Sample,
+    /// The white reference
+    White,
+    /// Black glass, flat
+    BlackGlass,
+    /// Black glass on a wedge
+    BlackGlassWedge,
+    /// Shutter closed
+    Dark,
+}
+
+impl From<Kind> for gonio_instrument::ScanKind {
+    fn from(k: Kind) -> Self {
+        match k {
+            Kind::Sample => Self::Sample,
+            Kind::White => Self::White,
+            Kind::BlackGlass => Self::BlackGlass,
+            Kind::BlackGlassWedge => Self::BlackGlassWedge,
+            Kind::Dark => Self::Dark,
+        }
+    }
+}
+
+/// What only the virtual instrument takes.
+#[derive(Clone, Debug, Args)]
+pub struct VirtualArguments {
+    /// What the virtual sample is: a model.json or a measured table
+    #[arg(long)]
+    pub truth: Option<PathBuf>,
+    /// Errors of the virtual instrument, TOML, or `builtin`
+    #[arg(long)]
+    pub misalignment: Option<PathBuf>,
+    /// Faults of the virtual instrument, TOML
+    #[arg(long)]
+    pub faults: Option<PathBuf>,
+    /// Seed of its noise
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// How many times faster than life it moves, exposes and warms up
+    #[arg(long, default_value_t = 1000.0)]
+    pub time_scale: f64,
+}
+
+/// `gonio scan`.
+#[derive(Debug, Args)]
+pub struct ScanArguments {
+    /// sim, or serial:PATH
+    #[arg(long, default_value = "sim")]
+    pub device: String,
+    /// sim, or sim:SOCKET
+    #[arg(long, default_value = "sim")]
+    pub camera: String,
+    /// Instrument description, TOML, or `reference` / `tiny`
+    #[arg(long, default_value = "reference")]
+    pub instrument: String,
+    /// Plan, TOML; by default the one of the instrument
+    #[arg(long)]
+    pub plan: Option<PathBuf>,
+    /// What is measured
+    #[arg(long, value_enum, default_value = "sample")]
+    pub kind: Kind,
+    /// Sessions of the white reference (and others); on sim they are taken first where none is given
+    #[arg(long)]
+    pub reference: Vec<PathBuf>,
+    /// Certificate of the white reference, JSON, for --kind white
+    #[arg(long)]
+    pub certificate: Option<PathBuf>,
+    /// Use references that are expired or of another instrument; recorded in the result
+    #[arg(long)]
+    pub accept_stale: bool,
+    /// Identifier of the sample
+    #[arg(long, default_value = "")]
+    pub sample: String,
+    /// Name of the sample
+    #[arg(long, default_value = "")]
+    pub name: String,
+    /// Production batch
+    #[arg(long, default_value = "")]
+    pub batch: String,
+    /// Who runs the scan
+    #[arg(long, default_value = "")]
+    pub operator: String,
+    /// Anything else worth keeping
+    #[arg(long, default_value = "")]
+    pub note: String,
+    /// The session to write
+    #[arg(short, long)]
+    pub output: PathBuf,
+    /// Write S.nc, S.model.json and S.report.html after each capture and at the end
+    #[arg(long, num_args = 0..=1, default_missing_value = "auto", require_equals = true, value_name = "MODEL")]
+    pub fit: Option<String>,
+    /// Go on with an interrupted session
+    #[arg(long)]
+    pub resume: bool,
+    /// Overwrite the output
+    #[arg(long)]
+    pub force: bool,
+    /// Settings of the virtual instrument
+    #[command(flatten)]
+    pub simulated: VirtualArguments,
+}
+
+/// `gonio replay`.
+#[derive(Debug, Args)]
+pub struct ReplayArguments {
+    /// The recorded session
+    pub session: PathBuf,
+    /// Sessions of the white reference; by default those found beside the session
+    #[arg(long)]
+    pub reference: Vec<PathBuf>,
+    /// The table to write
+    #[arg(short, long)]
+    pub output: PathBuf,
+    /// Fit a model too
+    #[arg(long, num_args = 0..=1, default_missing_value = "auto", require_equals = true, value_name = "MODEL")]
+    pub fit: Option<String>,
+    /// Use references that are expired or of another instrument; recorded in the result
+    #[arg(long)]
+    pub accept_stale: bool,
+    /// Overwrite the output
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// `gonio sim`.
+#[derive(Debug, Args)]
+pub struct SimArguments {
+    /// Path at which the stage's serial port appears
+    #[arg(long)]
+    pub pty: PathBuf,
+    /// Path at which the camera listens
+    #[arg(long)]
+    pub camera_socket: PathBuf,
+    /// Instrument description, TOML, or `reference` / `tiny`
+    #[arg(long, default_value = "reference")]
+    pub instrument: String,
+    /// What lies on the holder
+    #[arg(long, value_enum, default_value = "sample")]
+    pub kind: Kind,
+    /// Settings of the virtual instrument
+    #[command(flatten)]
+    pub simulated: VirtualArguments,
+}
+
+/// Weights of a fit.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum WeightsName {
+    /// Sopp (4.25): the residual times solid angle and cos θi
+    Sopp,
+    /// Ngan (3.5): the square times solid angle and cos² θi
+    Ngan,
+    /// Inverse variance
+    Sigma,
+    /// All alike
+    None,
+}
+
+/// `gonio fit`.
+#[derive(Debug, Args)]
+pub struct FitArguments {
+    /// What to fit: a measured BRDF in any known format (FILE#NAME for a network)
+    pub input: String,
+    /// Model, or auto
+    #[arg(long, default_value = "auto")]
+    pub model: String,
+    /// Largest polar angle used, of light and view, degrees
+    #[arg(long, default_value_t = 75.0)]
+    pub max_angle_deg: f64,
+    /// Weights; by default sigma where the data carry uncertainties, else ngan
+    #[arg(long, value_enum)]
+    pub weights: Option<WeightsName>,
+    /// The model.json to write
+    #[arg(short, long)]
+    pub output: Option<PathBuf>,
+    /// A report.html to write
+    #[arg(long)]
+    pub report: Option<PathBuf>,
+    /// Overwrite the outputs
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// `gonio eval`.
+#[derive(Debug, Args)]
+pub struct EvalArguments {
+    /// A measured BRDF or a model.json
+    pub input: String,
+    /// Representation
+    #[arg(long = "as", default_value = "table")]
+    pub representation: String,
+    /// CSV with theta_i_deg,theta_o_deg,phi_deg
+    #[arg(long)]
+    pub geometries: PathBuf,
+    /// CSV to write
+    #[arg(short, long)]
+    pub output: PathBuf,
+    /// Overwrite the output
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// `gonio isoline`.
+#[derive(Debug, Args)]
+pub struct IsolineArguments {
+    /// Refractive index of the coat
+    #[arg(long, default_value_t = 1.5)]
+    pub index: f64,
+    /// clip | map-vector | map-vector-parallel | unit-index
+    #[arg(long, default_value = "clip")]
+    pub method: String,
+    /// CSV with theta_i_deg,theta_o_deg,phi_deg
+    #[arg(long)]
+    pub geometries: PathBuf,
+    /// CSV to write
+    #[arg(short, long)]
+    pub output: PathBuf,
+    /// Overwrite the output
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// `gonio show`.
+#[derive(Debug, Args)]
+pub struct ShowArguments {
+    /// A measured BRDF or a model
+    pub input: String,
+    /// A fitted model to compare with
+    #[arg(long)]
+    pub model: Option<PathBuf>,
+    /// Folder for the pictures and report.html
+    #[arg(short, long)]
+    pub output: PathBuf,
+    /// Overwrite earlier pictures
+    #[arg(long)]
+    pub force: bool,
+}

@@ -18,6 +18,12 @@ impl Pose {
     pub const fn from_degrees(tilt_deg: f64, spin_deg: f64) -> Self {
         Self { tilt: Angle::from_degrees(tilt_deg), spin: Angle::from_degrees(spin_deg) }
     }
+
+    /// A pose from radians: the exact way back from [`Angle::radians`], which degrees are not.
+    #[must_use]
+    pub const fn from_radians(tilt: f64, spin: f64) -> Self {
+        Self { tilt: Angle::from_radians(tilt), spin: Angle::from_radians(spin) }
+    }
 }
 
 /// In files a pose is written in degrees.

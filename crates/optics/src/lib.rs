@@ -14,12 +14,14 @@ pub mod flake;
 pub mod frame;
 pub mod fresnel;
 pub mod geometry;
+pub mod isoline;
 pub mod quadrature;
 pub mod vec3;
 
 pub use angle::Angle;
 pub use frame::{Rigid, Rotation};
 pub use geometry::Geometry;
+pub use isoline::{Isoline, isoline};
 pub use vec3::Vec3;
 
 /// The smallest cosine used as a denominator; keeps models finite at θ = 90°.

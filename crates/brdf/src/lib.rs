@@ -29,10 +29,20 @@ pub trait Brdf: Send + Sync {
     ///
     /// Zero where either is below the horizon; finite and not negative everywhere for models. Light and view may be any azimuths.
     fn eval(&self, light: Vec3, view: Vec3) -> Rgb;
+
+    /// How sharp the narrowest feature about the mirror direction is: the exponent n of the Ashikhmin–Shirley lobe (n·h)^n with the
+    /// same curvature at its peak; 0 where nothing is sharper than a few degrees. Averages choose their quadrature by it.
+    fn sharpness(&self) -> f64 {
+        0.0
+    }
 }
 
 impl<T: Brdf + ?Sized> Brdf for Box<T> {
     fn eval(&self, light: Vec3, view: Vec3) -> Rgb {
         (**self).eval(light, view)
+    }
+
+    fn sharpness(&self) -> f64 {
+        (**self).sharpness()
     }
 }

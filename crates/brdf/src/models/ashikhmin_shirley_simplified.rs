@@ -1,13 +1,21 @@
 //! Ashikhmin–Shirley in Sopp's simplified form (4.28):
 //! `f = cd/π + cs (n + 1)/(8π) (n·h)^n / ((h·v) max(n·l, n·v))`.
 
-use gonio_optics::{COS_FLOOR, Vec3};
+use std::f64::consts::{FRAC_1_PI, PI};
+
+use gonio_optics::Vec3;
 use serde::{Deserialize, Serialize};
 
+use super::{
+    ModelError,
+    check::Check,
+    half::{Half, larger_cos},
+};
 use crate::{Brdf, Rgb};
 
-/// Lambert plus an isotropic Ashikhmin–Shirley lobe without Fresnel term. Reciprocal; energy is conserved while
-/// `diffuse + specular` ≤ 1, roughly.
+/// Lambert plus an isotropic Ashikhmin–Shirley lobe without Fresnel term. Reciprocal; conserves energy for `diffuse + specular` ≤ 1.
+///
+/// Denominators are floored at 1e-6; at θi = θo = 90°, φ = 180° the half vector is the normal.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AshikhminShirleySimplified {
@@ -25,18 +33,15 @@ impl AshikhminShirleySimplified {
     /// `θi = θo = 90°, φ = 180°` (l = −v) takes h = n.
     #[must_use]
     pub fn lobe(exponent: f64, light: Vec3, view: Vec3) -> f64 {
-        let s = light + view;
-        let norm2 = s.norm_squared();
-        let (sin2_h, hv) = if norm2 > 1e-24 {
-            // sin² of the half vector's polar angle keeps its digits where cos is near 1
-            ((s.x * s.x + s.y * s.y) / norm2, 0.5 * norm2.sqrt())
-        } else {
-            (0.0, COS_FLOOR)
-        };
-        // (n·h)^n = (1 − sin²)^{n/2}
-        let power = (0.5 * exponent * (-sin2_h.min(1.0)).ln_1p()).exp();
-        (exponent + 1.0) * power
-            / (8.0 * std::f64::consts::PI * hv.max(COS_FLOOR) * light.z.max(view.z).max(COS_FLOOR))
+        let half = Half::new(light, view);
+        (exponent + 1.0) * half.power(exponent) / (8.0 * PI * half.hv * larger_cos(light, view))
+    }
+
+    pub(super) fn check(&self) -> Result<(), ModelError> {
+        let c = Check("ashikhmin-shirley-simplified");
+        c.colour("diffuse", self.diffuse)?;
+        c.colour("specular", self.specular)?;
+        c.exponent("exponent", self.exponent)
     }
 }
 
@@ -46,6 +51,10 @@ impl Brdf for AshikhminShirleySimplified {
             return [0.0; 3];
         }
         let lobe = Self::lobe(self.exponent, light, view);
-        [0, 1, 2].map(|c| self.diffuse[c] * std::f64::consts::FRAC_1_PI + self.specular[c] * lobe)
+        [0, 1, 2].map(|c| self.diffuse[c] * FRAC_1_PI + self.specular[c] * lobe)
+    }
+
+    fn sharpness(&self) -> f64 {
+        self.exponent
     }
 }

@@ -3,14 +3,21 @@
 use gonio_optics::Vec3;
 use serde::{Deserialize, Serialize};
 
+use super::{ModelError, check::Check};
 use crate::{Brdf, Rgb};
 
 /// The perfect diffuser times an albedo. Reciprocal; conserves energy for `diffuse` ≤ 1.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Lambert {
-    /// Albedo per channel, 0…1.
+    /// Albedo per channel, 0…1 (a base under a coat may exceed 1).
     pub diffuse: Rgb,
+}
+
+impl Lambert {
+    pub(super) fn check(&self) -> Result<(), ModelError> {
+        Check("lambert").colour("diffuse", self.diffuse)
+    }
 }
 
 impl Brdf for Lambert {

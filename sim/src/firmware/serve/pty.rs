@@ -1,0 +1,147 @@
+//! The firmware behind a pseudo-terminal: to a host it is a serial port.
+//!
+//! The terminal is raw, so no byte is changed on its way. One slave is held open here: otherwise the master would read errors whenever
+//! no host has the port open. A host that goes away is noticed by its heartbeats ceasing, as on a real line.
+
+use super::Served;
+use crate::firmware::Firmware;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::fd::OwnedFd;
+use rustix::fs::{Mode, OFlags};
+use rustix::io::Errno;
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// Longest sleep, so that a stop is noticed.
+const LONGEST_SLEEP: Duration = Duration::from_millis(50);
+/// Bytes kept for a host that does not read; what comes after is lost, as on a real line.
+const BACKLOG: usize = 16 * 1024;
+
+/// Why no pseudo-terminal could be served.
+#[derive(Debug, thiserror::Error)]
+pub enum PtyError {
+    /// The system gives none.
+    #[error("the system gives no pseudo-terminal ({0}); is /dev/pts mounted, and are any left?")]
+    Open(Errno),
+    /// The name for it is taken by something that is not a link.
+    #[error("{0} exists and is not a link; choose another name for the pseudo-terminal")]
+    NotALink(PathBuf),
+    /// The name for it cannot be made.
+    #[error("the link {path} to the pseudo-terminal cannot be made: {source}")]
+    Link {
+        /// Its path.
+        path: PathBuf,
+        /// The system's words.
+        source: std::io::Error,
+    },
+    /// No thread.
+    #[error("the firmware's thread cannot be started: {0}")]
+    Thread(std::io::Error),
+}
+
+/// A served pseudo-terminal.
+#[derive(Debug)]
+pub struct Pty {
+    /// Where the host opens it: the link if one was asked for, else the terminal itself.
+    pub path: PathBuf,
+    link: Option<PathBuf>,
+    served: Served,
+}
+
+impl Pty {
+    /// Ends the firmware; a host sees the port hang up.
+    pub fn stop(&mut self) {
+        self.served.stop();
+        if let Some(link) = self.link.take() {
+            // Only a link is removed, never what it might have been replaced by.
+            if link.is_symlink() {
+                let _ = std::fs::remove_file(link);
+            }
+        }
+    }
+}
+
+impl Drop for Pty {
+    fn drop(&mut self) {
+        self.stop();
+    }
+}
+
+/// Runs the firmware on a thread behind a new pseudo-terminal; `link`, if given, becomes a symbolic link to it (an old link of
+/// that name is replaced).
+///
+/// # Errors
+/// [`PtyError`].
+pub fn serve_pty(firmware: Firmware, link: Option<&Path>) -> Result<Pty, PtyError> {
+    let master =
+        openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).map_err(PtyError::Open)?;
+    grantpt(&master).map_err(PtyError::Open)?;
+    unlockpt(&master).map_err(PtyError::Open)?;
+    let name = ptsname(&master, Vec::new()).map_err(PtyError::Open)?;
+    let slave = rustix::fs::open(&*name, OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC, Mode::empty())
+        .map_err(PtyError::Open)?;
+    let mut termios = tcgetattr(&slave).map_err(PtyError::Open)?;
+    termios.make_raw();
+    tcsetattr(&slave, OptionalActions::Now, &termios).map_err(PtyError::Open)?;
+    let flags = rustix::fs::fcntl_getfl(&master).map_err(PtyError::Open)?;
+    rustix::fs::fcntl_setfl(&master, flags | OFlags::NONBLOCK).map_err(PtyError::Open)?;
+
+    let target = PathBuf::from(name.to_string_lossy().into_owned());
+    if let Some(link) = link {
+        make_link(&target, link)?;
+    }
+    let stop = Arc::new(AtomicBool::new(false));
+    let seen = Arc::clone(&stop);
+    let thread = std::thread::Builder::new()
+        .name("gonio-firmware".into())
+        .spawn(move || run(firmware, &master, &slave, &seen))
+        .map_err(PtyError::Thread)?;
+    Ok(Pty {
+        path: link.map_or(target, Path::to_path_buf),
+        link: link.map(Path::to_path_buf),
+        served: Served::new(stop, thread),
+    })
+}
+
+fn make_link(target: &Path, link: &Path) -> Result<(), PtyError> {
+    let error = |source| PtyError::Link { path: link.to_path_buf(), source };
+    match std::fs::symlink_metadata(link) {
+        Ok(found) if found.file_type().is_symlink() => std::fs::remove_file(link).map_err(error)?,
+        Ok(_) => return Err(PtyError::NotALink(link.to_path_buf())),
+        Err(_) => {}
+    }
+    std::os::unix::fs::symlink(target, link).map_err(error)
+}
+
+/// `_slave` is only held.
+fn run(mut firmware: Firmware, master: &OwnedFd, _slave: &OwnedFd, stop: &AtomicBool) {
+    let start = Instant::now();
+    let mut input = [0u8; 4096];
+    let mut out = Vec::new();
+    while !stop.load(Ordering::Relaxed) {
+        // Bytes before time: a late thread must not find a lease expired whose renewal is waiting.
+        loop {
+            match rustix::io::read(master, &mut input) {
+                Ok(0) | Err(Errno::AGAIN) => break,
+                Ok(n) => firmware.receive(start.elapsed(), input.get(..n).unwrap_or(&[])),
+                Err(Errno::INTR) => {}
+                // EIO: no slave is open; cannot be while one is held, and would pass.
+                Err(_) => break,
+            }
+        }
+        firmware.poll(start.elapsed(), &mut out);
+        match rustix::io::write(master, &out) {
+            Ok(n) => drop(out.drain(..n)),
+            Err(_) => out.truncate(BACKLOG),
+        }
+        let now = start.elapsed();
+        let sleep = firmware.next_timeout(now).saturating_sub(now).min(LONGEST_SLEEP);
+        let wanted = if out.is_empty() { PollFlags::IN } else { PollFlags::IN | PollFlags::OUT };
+        let timeout = Timespec { tv_sec: 0, tv_nsec: i64::from(sleep.subsec_nanos()) };
+        let _ = poll(&mut [PollFd::new(master, wanted)], Some(&timeout));
+    }
+}

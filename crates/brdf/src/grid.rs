@@ -30,6 +30,31 @@ impl Grid {
         [self.theta_i_deg.len(), self.theta_o_deg.len(), self.phi_deg.len()]
     }
 
+    /// Whether every axis has nodes, strictly increasing and within 0…90°, 0…90°, 0…180°.
+    ///
+    /// # Errors
+    /// What is wrong, with the axis and the node.
+    pub fn check(&self) -> Result<(), String> {
+        let axes = [
+            ("theta_i", &self.theta_i_deg, 90.0),
+            ("theta_o", &self.theta_o_deg, 90.0),
+            ("phi", &self.phi_deg, 180.0),
+        ];
+        for (name, nodes, limit) in axes {
+            if nodes.is_empty() {
+                return Err(format!("{name} without a node"));
+            }
+            // not written as x < 0 || x > limit, so that NaN is refused
+            if let Some(x) = nodes.iter().find(|x| !(0.0..=limit).contains(*x)) {
+                return Err(format!("{name} with a node at {x} degrees, outside 0 to {limit}"));
+            }
+            if let Some(w) = nodes.windows(2).find(|w| w[0] >= w[1]) {
+                return Err(format!("{name} with a node at {} degrees after one at {}", w[1], w[0]));
+            }
+        }
+        Ok(())
+    }
+
     /// Number of cells.
     #[must_use]
     pub fn len(&self) -> usize {
@@ -83,9 +108,15 @@ impl Grid {
 }
 
 fn bounds(nodes: &[f64], k: usize) -> (Angle, Angle) {
+    let (low, high) = bounds_deg(nodes, k);
+    (Angle::from_degrees(low), Angle::from_degrees(high))
+}
+
+/// Bounds of bin `k` in degrees, as files write them.
+pub(crate) fn bounds_deg(nodes: &[f64], k: usize) -> (f64, f64) {
     let low = if k == 0 { nodes[0] } else { 0.5 * (nodes[k - 1] + nodes[k]) };
     let high = if k + 1 == nodes.len() { nodes[k] } else { 0.5 * (nodes[k] + nodes[k + 1]) };
-    (Angle::from_degrees(low), Angle::from_degrees(high))
+    (low, high)
 }
 
 #[cfg(test)]

@@ -63,6 +63,8 @@ pub struct Measured {
     pub base: Option<Vec<[f32; 3]>>,
     /// Node values for renderers, where they were derived from cell means.
     pub node: Option<Vec<[f32; 3]>>,
+    /// Parts of `sigma` kept apart (shot, reference, flakes, …), by name.
+    pub sigma_parts: BTreeMap<String, Vec<[f32; 3]>>,
     /// Sample record, conventions and provenance, as written in files; no clock, host or path.
     pub attributes: BTreeMap<String, String>,
 }
@@ -80,6 +82,7 @@ impl Measured {
             flag: vec![Flag::Invalid; n],
             base: None,
             node: None,
+            sigma_parts: BTreeMap::new(),
             attributes: BTreeMap::new(),
         }
     }
@@ -98,14 +101,21 @@ impl Measured {
     }
 
     /// f by linear interpolation between nodes; outside the nodes the nearest one counts.
+    ///
+    /// Invalid cells do not take part: the others of the eight share their weight, and where none is valid f is 0.
+    /// An angle that is not a number gives NaN.
     #[must_use]
     pub fn interpolate(&self, g: Geometry) -> Rgb {
+        if [g.theta_i, g.theta_o, g.phi].iter().any(|a| a.radians().is_nan()) {
+            return [f64::NAN; 3];
+        }
         let axes = [
             locate(&self.grid.theta_i_deg, g.theta_i.degrees()),
             locate(&self.grid.theta_o_deg, g.theta_o.degrees()),
             locate(&self.grid.phi_deg, g.phi.folded().degrees()),
         ];
         let mut out = [0.0; 3];
+        let mut total = 0.0;
         for corner in 0..8 {
             let pick = [0, 1, 2].map(|a| {
                 let (k, t) = axes[a];
@@ -113,26 +123,32 @@ impl Measured {
             });
             let w: f64 = pick.iter().map(|p| p.1).product();
             if w > 0.0 {
-                let v = self.values[self.grid.index(pick[0].0, pick[1].0, pick[2].0)];
-                for c in 0..3 {
-                    out[c] += w * f64::from(v[c]);
+                let i = self.grid.index(pick[0].0, pick[1].0, pick[2].0);
+                if let (Some(v), Some(true)) =
+                    (self.values.get(i), self.flag.get(i).map(|&f| f != Flag::Invalid))
+                {
+                    total += w;
+                    for c in 0..3 {
+                        out[c] += w * f64::from(v[c]);
+                    }
                 }
             }
         }
-        out
+        if total > 0.0 { out.map(|v| v / total) } else { out }
     }
 }
 
 /// Lower neighbour and the fraction towards the next.
 fn locate(nodes: &[f64], x: f64) -> (usize, f64) {
-    if nodes.len() < 2 || x <= nodes[0] {
+    let last = nodes.len().saturating_sub(1);
+    // not a number: the first node
+    if last == 0 || x.is_nan() || x <= nodes[0] {
         return (0, 0.0);
     }
-    let last = nodes.len() - 1;
     if x >= nodes[last] {
         return (last - 1, 1.0);
     }
-    let k = nodes.partition_point(|&n| n <= x) - 1;
+    let k = nodes.partition_point(|&n| n <= x).saturating_sub(1);
     (k, (x - nodes[k]) / (nodes[k + 1] - nodes[k]))
 }
 
@@ -142,5 +158,38 @@ impl Brdf for Measured {
             return [0.0; 3];
         }
         self.interpolate(Geometry::from_directions(light, view))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::models::Lambert;
+
+    #[test]
+    fn no_geometry_panics_and_invalid_cells_do_not_darken_their_neighbours() {
+        let mut m = Measured::sampled(Grid::sopp(), &Lambert { diffuse: [0.3, 0.5, 0.7] });
+        for i in (0..m.grid.len()).step_by(3) {
+            m.flag[i] = Flag::Invalid;
+            m.values[i] = [0.0; 3];
+        }
+        for deg in [11.0, 33.0, 57.0, 77.0] {
+            let f = m.interpolate(Geometry::from_degrees(deg, deg + 8.0, 2.1 * deg));
+            let expected = [0.3, 0.5, 0.7].map(|d| d / std::f64::consts::PI);
+            assert!((0..3).all(|c| (f[c] - expected[c]).abs() < 1e-7), "{deg}: {f:?}");
+        }
+        for deg in [-10.0, 0.0, 90.0, 1e9, f64::INFINITY] {
+            let f = m.interpolate(Geometry::from_degrees(deg, deg, deg));
+            assert!(f.iter().all(|x| x.is_finite()), "{deg}: {f:?}");
+        }
+        assert!(m.interpolate(Geometry::from_degrees(f64::NAN, 0.0, 0.0))[0].is_nan());
+        assert_eq!(locate(&[0.0, 1.0], f64::NAN), (0, 0.0));
+    }
+
+    #[test]
+    fn a_table_without_cells_is_black() {
+        let grid = Grid { theta_i_deg: vec![], theta_o_deg: vec![], phi_deg: vec![] };
+        let m = Measured::empty(grid, Meaning::Node);
+        assert_eq!(m.interpolate(Geometry::from_degrees(10.0, 10.0, 10.0)), [0.0; 3]);
     }
 }

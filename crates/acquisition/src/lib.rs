@@ -1,1 +1,4 @@
-//! From raw frames to a measured BRDF: calibration, exposure merge, gridding, filling, the scan engine
+//! From raw frames to a measured BRDF, and the scan that takes the frames.
+pub mod holder;
+pub mod optics;
+pub mod pixel_map;

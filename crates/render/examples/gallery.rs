@@ -1,0 +1,103 @@
+//! Draws every kind of picture for a handful of tables, easy ones and awkward ones, into a folder: `cargo run --release -p
+//! gonio-render --example gallery -- DIR`.
+
+use std::path::Path;
+
+use gonio_brdf::models::AshikhminShirleySimplified;
+use gonio_brdf::{Flag, Grid, Meaning, Measured};
+use gonio_optics::Angle;
+use gonio_render::plots::{self, Compare, Curve, Difference, Lobe, Unfolded};
+
+/// A repeatable disturbance in −1…1 of roughly normal shape.
+fn noise(seed: u64) -> f32 {
+    let mut x = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ 0x51ed_270b;
+    let mut sum = 0.0;
+    for _ in 0..3 {
+        x ^= x >> 29;
+        x = x.wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        x ^= x >> 32;
+        sum += (x >> 40) as f32 / (1u64 << 24) as f32 - 0.5;
+    }
+    sum
+}
+
+fn noisy(model: &AshikhminShirleySimplified, spread: f32) -> Measured {
+    let meaning = Meaning::CellMean { lamp_half_angle: Angle::from_degrees(0.5) };
+    let mut m = plots::model_table(&Measured::empty(Grid::sopp(), meaning), model, 4, 2);
+    for i in 0..m.grid.len() {
+        let [ti, to, phi] = m.grid.coordinates(i);
+        let g = m.grid.geometry(ti, to, phi);
+        let grazing = 1.0
+            + 6.0 * (g.theta_o.degrees() as f32 / 90.0).powi(6)
+            + 2.0 * (g.theta_i.degrees() as f32 / 90.0).powi(4);
+        for c in 0..3 {
+            let s = spread * grazing * (m.values[i][c] + 0.002);
+            m.sigma[i][c] = s;
+            m.values[i][c] += s * 1.7 * noise((i * 3 + c) as u64);
+        }
+        if g.theta_o.degrees() > 75.0 || g.theta_i.degrees() > 80.0 {
+            m.flag[i] = Flag::Extrapolated;
+        } else if (g.theta_i.degrees() - g.theta_o.degrees()).abs() < 6.0 && g.phi.degrees() < 8.0 {
+            m.flag[i] = Flag::Filled;
+        }
+    }
+    m
+}
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let dir = std::env::args().nth(1).unwrap_or_else(|| "gallery".into());
+    let dir = Path::new(&dir);
+    std::fs::create_dir_all(dir)?;
+    let paint = AshikhminShirleySimplified {
+        diffuse: [0.28, 0.05, 0.04],
+        specular: [0.06, 0.05, 0.05],
+        exponent: 60.0,
+    };
+    let off = AshikhminShirleySimplified {
+        diffuse: [0.30, 0.052, 0.04],
+        specular: [0.055, 0.05, 0.05],
+        exponent: 52.0,
+    };
+    let gloss = AshikhminShirleySimplified {
+        diffuse: [0.01, 0.02, 0.10],
+        specular: [0.3, 0.3, 0.3],
+        exponent: 1300.0,
+    };
+    let black = AshikhminShirleySimplified { diffuse: [0.0; 3], specular: [0.0; 3], exponent: 10.0 };
+    let mut holes = noisy(&paint, 0.02);
+    for i in 0..holes.grid.len() {
+        let [ti, to, phi] = holes.grid.coordinates(i);
+        if (to + phi) % 11 < 2 || ti == 7 {
+            holes.flag[i] = Flag::Invalid;
+            holes.values[i] = [f32::NAN; 3];
+        }
+    }
+    let mut zero = Measured::sampled(Grid::sopp(), &black);
+    zero.sigma.fill([0.0; 3]);
+    let tables = [
+        ("paint", noisy(&paint, 0.02), &off),
+        ("holes", holes, &paint),
+        ("gloss", noisy(&gloss, 0.01), &gloss),
+        ("black", zero, &black),
+    ];
+    for (name, table, model) in &tables {
+        let save =
+            |what: &str, p: &gonio_render::Picture| p.save_png(&dir.join(format!("{name}-{what}.png")));
+        let title = format!("Sample “{name}”");
+        save("unfolded", &plots::unfolded(table, &Unfolded { title: title.clone(), ..Unfolded::default() }))?;
+        save(
+            "compare",
+            &plots::compare(table, *model, &Compare { title: title.clone(), ..Compare::default() }),
+        )?;
+        let delta = Compare { difference: Difference::DeltaE, ..Compare::default() };
+        save("compare-delta-e", &plots::compare(table, *model, &delta))?;
+        let curves = [
+            Curve { label: "fitted Ashikhmin–Shirley", brdf: *model },
+            Curve { label: "paint", brdf: &paint },
+        ];
+        save("lobe", &plots::lobe(table, &curves, &Lobe { title: title.clone(), ..Lobe::default() }))?;
+        save("coverage", &plots::coverage(table, &title))?;
+        save("sigma", &plots::sigma(table, &title))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,23 @@
+//! Plots of measured tables and of what was fitted to them, one kind a file.
+//!
+//! Every function takes tables and options and returns a [`Picture`](crate::Picture): nothing is written, nothing is
+//! random, and the same input gives the same pixels.
+
+mod axis;
+pub(crate) mod cells;
+mod colorbar;
+pub mod compare;
+pub mod coverage;
+mod legend;
+pub mod lobe;
+mod polar;
+pub mod sigma;
+mod strip;
+pub mod unfolded;
+
+pub use cells::model_table;
+pub use compare::{Compare, Difference, compare, compare_tables};
+pub use coverage::coverage;
+pub use lobe::{Channel, Curve, Lobe, lobe};
+pub use sigma::sigma;
+pub use unfolded::{Unfolded, brightening, unfolded};

@@ -9,7 +9,7 @@ mod check;
 mod coat;
 mod cook_torrance;
 mod file;
-mod half;
+pub(crate) mod half;
 mod lambert;
 mod lambert_ashikhmin_shirley;
 #[cfg(test)]

@@ -2,9 +2,12 @@
 //!
 //! Lab here is computed from the reflectance factor `R = π f`, white being the perfect diffuser; L* above 100 is not clamped.
 
+mod cie;
 mod ciede2000;
+mod spectral;
 
 pub use ciede2000::ciede2000;
+pub use spectral::{SpectralError, SpectralWeights};
 
 /// XYZ of the D65 white (Y = 1) that belongs to the Rec. 709 matrix below.
 pub const D65_WHITE: [f64; 3] = [0.950_455_927_051_671_6, 1.0, 1.089_057_750_759_878_4];

@@ -7,6 +7,7 @@ use gonio_brdf::models::AshikhminShirleySimplified;
 use gonio_brdf::{Flag, Grid, Meaning, Measured};
 use gonio_optics::Angle;
 use gonio_render::plots::{self, Compare, Curve, Difference, Lobe, Unfolded};
+use gonio_render::sphere::{KnownCells, Spheres, spheres};
 
 /// A repeatable disturbance in −1…1 of roughly normal shape.
 fn noise(seed: u64) -> f32 {
@@ -37,7 +38,7 @@ fn noisy(model: &AshikhminShirleySimplified, spread: f32) -> Measured {
         }
         if g.theta_o.degrees() > 75.0 || g.theta_i.degrees() > 80.0 {
             m.flag[i] = Flag::Extrapolated;
-        } else if (g.theta_i.degrees() - g.theta_o.degrees()).abs() < 6.0 && g.phi.degrees() < 8.0 {
+        } else if (g.theta_i.degrees() - g.theta_o.degrees()).abs() < 6.0 && g.phi.degrees() > 172.0 {
             m.flag[i] = Flag::Filled;
         }
     }
@@ -96,6 +97,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             Curve { label: "paint", brdf: &paint },
         ];
         save("lobe", &plots::lobe(table, &curves, &Lobe { title: title.clone(), ..Lobe::default() }))?;
+        let balls =
+            spheres(&KnownCells::new(table), *model, &Spheres { title: title.clone(), ..Spheres::default() });
+        save("spheres", &balls.picture)?;
         save("coverage", &plots::coverage(table, &title))?;
         save("sigma", &plots::sigma(table, &title))?;
     }

@@ -10,5 +10,6 @@
 pub mod draw;
 pub mod picture;
 pub mod plots;
+pub mod sphere;
 
 pub use picture::{Picture, PictureError, Srgb};

@@ -21,3 +21,9 @@ pub use coverage::coverage;
 pub use lobe::{Channel, Curve, Lobe, lobe};
 pub use sigma::sigma;
 pub use unfolded::{Unfolded, brightening, unfolded};
+
+pub(crate) use axis::{Scale, short, step_up as nice_above};
+pub(crate) use cells::{folded, quantile};
+pub(crate) use colorbar::ColourBar;
+pub(crate) use legend::hatch as hatch_at;
+pub(crate) use unfolded::title;

@@ -28,24 +28,39 @@ pub(crate) fn face(weight: Weight) -> &'static FontRef<'static> {
 }
 
 /// Glyphs of one line at size `px` (pixels per em), the baseline's start at the origin, and the line's advance in pixels.
+///
+/// The subscripts of θᵢ, θₒ and ΔE₀₀ are set as smaller letters below the line: the font's own are too small to read.
 pub(crate) fn layout(weight: Weight, px: f32, text: &str) -> (Vec<Glyph>, f32) {
     let font = face(weight);
     // ab_glyph scales by ascent − descent; a point size means the em
     let scale = px * font.height_unscaled() / font.units_per_em().unwrap_or(1000.0);
-    let scaled = font.as_scaled(scale);
     let mut x = 0.0;
     let mut glyphs = Vec::new();
     let mut before = None;
     for c in text.chars() {
+        let (c, scale, drop) = match subscript(c) {
+            Some(letter) => (letter, 0.76 * scale, 0.14 * px),
+            None => (c, scale, 0.0),
+        };
+        let scaled = font.as_scaled(scale);
         let id = font.glyph_id(c);
         if let Some(b) = before {
             x += scaled.kern(b, id);
         }
-        glyphs.push(id.with_scale_and_position(scale, point(x, 0.0)));
+        glyphs.push(id.with_scale_and_position(scale, point(x, drop)));
         x += scaled.h_advance(id);
         before = Some(id);
     }
     (glyphs, x)
+}
+
+const fn subscript(c: char) -> Option<char> {
+    match c {
+        'ᵢ' => Some('i'),
+        'ₒ' => Some('o'),
+        '₀' => Some('0'),
+        _ => None,
+    }
 }
 
 /// Outlines of a glyph as line segments in pixels, y down, after turning about the origin by `turn` quarters clockwise.
@@ -100,7 +115,7 @@ mod tests {
     #[test]
     fn every_sign_the_plots_use_is_in_both_weights() {
         for weight in [Weight::Regular, Weight::Bold] {
-            for c in "θφσπαΔ°±−×·–…≤≥⁰¹²³⁴⁵⁶⁷⁸⁹⁻ᵢₒ½äöüß√≈".chars()
+            for c in "θφσπαΔ°±−×·–…≤≥⁰¹²³⁴⁵⁶⁷⁸⁹⁻½äöüß√≈".chars()
             {
                 assert_ne!(face(weight).glyph_id(c).0, 0, "{c} is missing in {weight:?}");
             }

@@ -42,7 +42,13 @@ pub(crate) fn draw(canvas: &mut Canvas, at: At, width: f64, entries: &[(Key, Str
 fn draw_key(canvas: &mut Canvas, key: Key, (x, y): At) {
     let middle = (x + 0.5 * KEY, y);
     match key {
-        Key::Patch(c) => canvas.fill(Area::new(x + 2.0, y - 5.0, 12.0, 10.0), c, 1.0),
+        Key::Patch(c) => {
+            let patch = Area::new(x + 2.0, y - 5.0, 12.0, 10.0);
+            canvas.fill(patch, c, 1.0);
+            if c.iter().all(|v| *v > 0xe0) {
+                canvas.outline(patch, 0.6, INK);
+            }
+        }
         Key::Hatched => {
             canvas.paint(Area::new(x + 2.0, y - 5.0, 12.0, 10.0), 3, |u, v| Some(hatch(u * 12.0, v * 10.0)))
         }

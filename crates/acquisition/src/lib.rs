@@ -1,4 +1,33 @@
 //! From raw frames to a measured BRDF, and the scan that takes the frames.
+//!
+//! The reduction: [`PixelMap`] traces the camera once; a [`WhiteBuilder`] turns the poses of a white reference into
+//! [`WhiteReference`]; a [`Reducer`] takes the poses of a sample one after the other and gives the measured table with its
+//! uncertainty, after each of them or at the end. A live scan and a replay call the same code in the same order and get the
+//! same bits, on any number of threads.
+//!
+//! Left to others: which device stands behind `Stage` and `Camera`, how a session is written, and what is fitted to the table.
+
+pub mod cells;
+pub mod dark;
+pub mod error;
+pub mod fill;
+pub mod footprint;
 pub mod holder;
+pub mod merge;
 pub mod optics;
+pub mod options;
 pub mod pixel_map;
+pub mod reducer;
+pub mod reference;
+pub mod row;
+pub mod sensor;
+pub mod statistics;
+pub mod table;
+pub mod weights;
+
+pub use error::AcquisitionError;
+pub use options::Options;
+pub use pixel_map::PixelMap;
+pub use reducer::Reducer;
+pub use reference::{WhiteBuilder, WhiteReference};
+pub use statistics::PoseStatistics;

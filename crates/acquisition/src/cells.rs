@@ -1,0 +1,168 @@
+//! Cell means of one pose: the weighted means of f over each bin, with the variance in parts.
+
+use rayon::prelude::*;
+
+use crate::merge::MergedPose;
+use crate::pixel_map::{PixelMap, PoseView};
+use crate::reference::WhiteReference;
+use crate::footprint::lit_share;
+use crate::weights::Weights;
+
+/// Share of a bin from which on it counts as seen whole.
+const WHOLE: f64 = 0.985;
+
+/// A cell at one pose; variances in 1/sr².
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Cell {
+    /// f in 1/sr.
+    pub value: [f64; 3],
+    /// From the statistics of light.
+    pub shot: [f64; 3],
+    /// From reading and rounding.
+    pub read: [f64; 3],
+    /// From the dark signal.
+    pub dark: [f64; 3],
+    /// From the noise of the white reference's pixels.
+    pub reference: [f64; 3],
+    /// How far the part seen lies from the bin's centroid, radians.
+    pub off_centre_rad: f64,
+}
+
+/// f of a pixel and its variances.
+#[derive(Clone, Copy)]
+struct PixelValue {
+    f: f32,
+    shot: f32,
+    read: f32,
+    dark: f32,
+    reference: f32,
+}
+
+/// The cells of a pose, θo by φ as in [`gonio_brdf::Grid::index`] without θi; `None` where too little was seen.
+#[must_use]
+pub fn cells(
+    map: &PixelMap,
+    view: &PoseView,
+    weights: &Weights,
+    merged: &MergedPose,
+    white: &WhiteReference,
+    mean_cos_i: f64,
+    azimuths: usize,
+    min_coverage: f64,
+) -> Vec<Option<Cell>> {
+    let spot = map.description().lamp.spot_radius_mm;
+    let cos_i = view.theta_i.cos();
+    // footprints matter only at grazing view: 0.26 is the cosine of 75°
+    let pixels: Vec<PixelValue> = (0..merged.pixels.len())
+        .into_par_iter()
+        .with_min_len(4096)
+        .map(|p| {
+            let m = merged.pixels[p];
+            let k = f64::from(white.scale[p]);
+            if !m.is_valid() || k.is_nan() {
+                return PixelValue { f: f32::NAN, shot: 0.0, read: 0.0, dark: 0.0, reference: 0.0 };
+            }
+            let v = view.sample_from_lab.apply(map.direction(p));
+            let lit = if v.z < 0.26 { lit_share(map.footprint_mm(p), spot, cos_i, v) } else { 1.0 };
+            if lit < 0.5 {
+                return PixelValue { f: f32::NAN, shot: 0.0, read: 0.0, dark: 0.0, reference: 0.0 };
+            }
+            let per_rate = 1.0 / (k * mean_cos_i * lit);
+            let relative = f64::from(white.relative_variance[p]);
+            // the mean of 1/k lies above 1/mean of k by its relative variance
+            let f = f64::from(m.rate) * per_rate * (1.0 - relative);
+            let scale = |v: f32| (f64::from(v) * per_rate * per_rate) as f32;
+            PixelValue {
+                f: f as f32,
+                shot: scale(m.shot),
+                read: scale(m.read),
+                dark: scale(m.dark),
+                reference: (f * f * relative) as f32,
+            }
+        })
+        .collect();
+    let count = weights.bins() / 2;
+    let mut out: Vec<Option<Cell>> = (0..count)
+        .into_par_iter()
+        .map(|cell| {
+            if cell < azimuths && cell > 0 && weights.coverage(cell) == 0.0 {
+                return None;
+            }
+            one(weights, &pixels, [cell, count + cell], min_coverage)
+        })
+        .collect();
+    // the cap around the normal is shared by all azimuths; its weights are kept in the first
+    if weights.coverage(0) > 0.0 && (1..azimuths).all(|k| weights.coverage(k) == 0.0) {
+        let cap = out[0];
+        out[1..azimuths].fill(cap);
+    }
+    out
+}
+
+/// Sums of a cell's channel on one side.
+#[derive(Clone, Copy, Default)]
+struct Sum {
+    w: f64,
+    all: f64,
+    valid: f64,
+    value: f64,
+    shot: f64,
+    read: f64,
+    dark: f64,
+    reference: f64,
+}
+
+fn sum(weights: &Weights, pixels: &[PixelValue], bin: usize, channel: usize) -> Sum {
+    let mut s = Sum::default();
+    let (list, ws) = weights.list(bin, channel);
+    for (&p, &w) in list.iter().zip(ws) {
+        let v = pixels[p as usize];
+        let w = f64::from(w);
+        s.all += w.abs();
+        if v.f.is_nan() {
+            continue;
+        }
+        s.valid += w.abs();
+        s.w += w;
+        s.value += w * f64::from(v.f);
+        let w2 = w * w;
+        s.shot += w2 * f64::from(v.shot);
+        s.read += w2 * f64::from(v.read);
+        s.dark += w2 * f64::from(v.dark);
+        s.reference += w2 * f64::from(v.reference);
+    }
+    s
+}
+
+/// A cell from the sides that see it whole, else from those that see enough of it.
+fn one(weights: &Weights, pixels: &[PixelValue], sides: [usize; 2], min_coverage: f64) -> Option<Cell> {
+    let sums = sides.map(|bin| [0, 1, 2].map(|c| sum(weights, pixels, bin, c)));
+    let seen: [f64; 2] = [0, 1].map(|k| {
+        let valid = sums[k]
+            .iter()
+            .map(|s| if s.all > 0.0 && s.w > 0.0 { s.valid / s.all } else { 0.0 })
+            .fold(1.0, f64::min);
+        weights.coverage(sides[k]).min(1.0) * valid
+    });
+    let bound = if seen.iter().any(|s| *s >= WHOLE) { WHOLE } else { min_coverage };
+    let used: Vec<usize> = (0..2).filter(|&k| seen[k] >= bound).collect();
+    if used.is_empty() {
+        return None;
+    }
+    let mut cell = Cell::default();
+    for c in 0..3 {
+        let total = |f: fn(&Sum) -> f64| used.iter().map(|&k| f(&sums[k][c])).sum::<f64>();
+        let w = total(|s| s.w);
+        cell.value[c] = total(|s| s.value) / w;
+        let w2 = w * w;
+        cell.shot[c] = total(|s| s.shot) / w2;
+        cell.read[c] = total(|s| s.read) / w2;
+        cell.dark[c] = total(|s| s.dark) / w2;
+        cell.reference[c] = total(|s| s.reference) / w2;
+    }
+    if bound < WHOLE {
+        let n = used.len() as f64;
+        cell.off_centre_rad = used.iter().map(|&k| weights.off_centre_rad(sides[k])).sum::<f64>() / n;
+    }
+    Some(cell)
+}

@@ -1,0 +1,154 @@
+//! The dark signal per pixel, `mean + current · (t − t̄)`, from frames taken with the shutter closed; hot pixels.
+//!
+//! Written about the mean exposure time t̄ of the dark frames, its two parts are independent.
+
+use std::time::Duration;
+
+use gonio_instrument::Frame;
+
+use crate::sensor::Sensor;
+
+/// Sums over dark frames, grouped by exposure time; [`DarkFrames::model`] makes the model.
+#[derive(Clone, Debug, Default)]
+pub struct DarkFrames {
+    groups: Vec<Group>,
+}
+
+#[derive(Clone, Debug)]
+struct Group {
+    exposure: Duration,
+    frames: u32,
+    /// Sum of electrons above the nominal black level.
+    sum: Vec<f32>,
+}
+
+/// Dark signal of every pixel.
+#[derive(Clone, Debug)]
+pub struct DarkModel {
+    /// Electrons at the exposure t̄, above the nominal black level.
+    mean_e: Vec<f32>,
+    /// Electrons per second.
+    current_e_s: Vec<f32>,
+    hot: Vec<bool>,
+    /// t̄, seconds.
+    pub mean_t_s: f64,
+    /// Variance of a mean, electrons².
+    pub mean_variance: f64,
+    /// Variance of a current, (electrons/s)²; the same for all pixels but hot ones.
+    pub current_variance: f64,
+}
+
+impl DarkFrames {
+    /// Adds a frame.
+    pub fn add(&mut self, frame: &Frame, sensor: &Sensor) {
+        let group = match self.groups.iter_mut().position(|g| g.exposure == frame.exposure) {
+            Some(k) => &mut self.groups[k],
+            None => {
+                let at = self.groups.partition_point(|g| g.exposure < frame.exposure);
+                let empty = Group { exposure: frame.exposure, frames: 0, sum: vec![0.0; frame.pixels.len()] };
+                self.groups.insert(at, empty);
+                &mut self.groups[at]
+            }
+        };
+        group.frames += 1;
+        for (s, &raw) in group.sum.iter_mut().zip(&frame.pixels) {
+            *s += sensor.electrons(raw) as f32;
+        }
+    }
+
+    /// Whether no dark frame was seen.
+    #[must_use]
+    pub const fn is_empty(&self) -> bool {
+        self.groups.is_empty()
+    }
+
+    /// Number of frames.
+    #[must_use]
+    pub fn frames(&self) -> u32 {
+        self.groups.iter().map(|g| g.frames).sum()
+    }
+
+    /// A straight line in the exposure time through every pixel's means, each group weighted by its number of frames.
+    ///
+    /// With one exposure time alone the nominal black level is the offset. Hot are pixels whose current lies above the
+    /// median by more than ten robust standard deviations and by more than the noise of its determination.
+    #[must_use]
+    pub fn model(&self, sensor: &Sensor, pixels: usize) -> DarkModel {
+        let mut out = DarkModel::none(pixels);
+        let n: f64 = self.groups.iter().map(|g| f64::from(g.frames)).sum();
+        if n == 0.0 {
+            return out;
+        }
+        let read = sensor.read_variance_e2;
+        let mean_t = self.weighted(n, |g| g.exposure.as_secs_f64());
+        let stt = self.weighted(n, |g| (g.exposure.as_secs_f64() - mean_t).powi(2)) * n;
+        let two = stt > 1e-12;
+        let t2 = self.weighted(n, |g| g.exposure.as_secs_f64().powi(2)) * n;
+        for p in 0..pixels {
+            let (mut mean, mut cov) = (0.0, 0.0);
+            for g in &self.groups {
+                let sum = f64::from(g.sum.get(p).copied().unwrap_or(0.0));
+                mean += sum / n;
+                cov += sum * if two { g.exposure.as_secs_f64() - mean_t } else { g.exposure.as_secs_f64() };
+            }
+            let current = if two { cov / stt } else { cov / t2.max(1e-12) };
+            out.current_e_s[p] = current as f32;
+            out.mean_e[p] = if two { mean as f32 } else { 0.0 };
+        }
+        let mut sorted = out.current_e_s.clone();
+        sorted.sort_unstable_by(f32::total_cmp);
+        let median = f64::from(sorted.get(pixels / 2).copied().unwrap_or(0.0));
+        let mut spread: Vec<f32> = sorted.iter().map(|c| (f64::from(*c) - median).abs() as f32).collect();
+        spread.sort_unstable_by(f32::total_cmp);
+        let robust = 1.4826 * f64::from(spread.get(pixels / 2).copied().unwrap_or(0.0));
+        // the noise of the dark electrons themselves, at the current that is usual
+        let dark_noise = median.max(0.0) * self.weighted(n, |g| g.exposure.as_secs_f64());
+        out.current_variance = (read + dark_noise) / if two { stt } else { t2.max(1e-12) };
+        if two {
+            out.mean_t_s = mean_t;
+            out.mean_variance = (read + dark_noise) / n;
+        }
+        let bound = median + 10.0 * robust.max(out.current_variance.sqrt());
+        for (hot, c) in out.hot.iter_mut().zip(&out.current_e_s) {
+            *hot = f64::from(*c) > bound;
+        }
+        out
+    }
+
+    fn weighted(&self, n: f64, f: impl Fn(&Group) -> f64) -> f64 {
+        self.groups.iter().map(|g| f64::from(g.frames) * f(g)).sum::<f64>() / n
+    }
+}
+
+impl DarkModel {
+    /// No dark signal beyond the nominal black level, no hot pixels.
+    #[must_use]
+    pub fn none(pixels: usize) -> Self {
+        Self {
+            mean_e: vec![0.0; pixels],
+            current_e_s: vec![0.0; pixels],
+            hot: vec![false; pixels],
+            mean_t_s: 0.0,
+            mean_variance: 0.0,
+            current_variance: 0.0,
+        }
+    }
+
+    /// Mean (electrons at t̄) and current (electrons/s) of a pixel.
+    #[must_use]
+    pub fn at(&self, pixel: usize) -> (f64, f64) {
+        (f64::from(self.mean_e[pixel]), f64::from(self.current_e_s[pixel]))
+    }
+
+    /// Whether a pixel is hot: its values are not used.
+    #[must_use]
+    pub fn is_hot(&self, pixel: usize) -> bool {
+        self.hot[pixel]
+    }
+
+    /// Number of hot pixels.
+    #[must_use]
+    pub fn hot_pixels(&self) -> usize {
+        self.hot.iter().filter(|h| **h).count()
+    }
+}

@@ -1,0 +1,223 @@
+//! The white reference: what a pixel gives for a known reflectance, `k(p) · E0 · g` in electrons per second · sr.
+//!
+//! rate = k E0 g · ∫_lamp f cos θ' dω'/Ω_lamp. Every white pose in which a pixel sees the reference steeply enough
+//! contributes; poses are put together as Poisson counts are, `Σ X rate / Σ X a` with the effective exposure X and
+//! a the lamp's mean of f cos θ'. The relative variance of k stays with the pixel, the certificate's with the table.
+
+use std::sync::Arc;
+
+use gonio_brdf::{Brdf, ModelFile};
+use gonio_instrument::{Certificate, Description, PoseRecord};
+use gonio_optics::{Vec3, quadrature};
+use rayon::prelude::*;
+
+use crate::dark::{DarkFrames, DarkModel};
+use crate::error::AcquisitionError;
+use crate::footprint::lit_share;
+use crate::merge::merge;
+use crate::options::Options;
+use crate::pixel_map::PixelMap;
+use crate::sensor::Sensor;
+
+/// Largest θo at which a white pixel is trusted, degrees: beyond, footprint and certificate both grow uncertain.
+pub const WHITE_LIMIT_DEG: f64 = 77.0;
+
+/// The calibration of every pixel.
+#[derive(Clone, Debug)]
+pub struct WhiteReference {
+    /// k E0 g, electrons/s · sr; NaN where no white pose shows the pixel the reference.
+    pub scale: Vec<f32>,
+    /// Relative variance of `scale`.
+    pub relative_variance: Vec<f32>,
+    /// Relative standard uncertainty of the certificate, common to everything.
+    pub certificate_uncertainty: f64,
+    /// Serial number of the reference.
+    pub serial: String,
+    /// What was accepted though it should not have been; stands in the attributes.
+    pub notes: Vec<String>,
+}
+
+/// Sums over white poses.
+pub struct WhiteBuilder {
+    map: Arc<PixelMap>,
+    sensor: Sensor,
+    brdf: ModelFile,
+    certificate: Certificate,
+    notes: Vec<String>,
+    dark_frames: DarkFrames,
+    dark: DarkModel,
+    sums: Vec<Sums>,
+    poses: u32,
+}
+
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    rate: f64,
+    expected: f64,
+    variance: f64,
+    dark_sigma: f64,
+}
+
+/// Holds a reference against the instrument in use and the day. Returns what was accepted in spite of a finding.
+///
+/// # Errors
+/// [`AcquisitionError::Expired`], [`AcquisitionError::OtherInstrument`] unless `accept_stale`.
+pub fn validate(
+    certificate: &Certificate,
+    measured_on: &Description,
+    instrument: &Description,
+    today: &str,
+    accept_stale: bool,
+) -> Result<Vec<String>, AcquisitionError> {
+    let mut findings = Vec::new();
+    if certificate.expired(today) {
+        findings.push(AcquisitionError::Expired {
+            serial: certificate.serial.clone(),
+            expires: certificate.expires.clone(),
+            today: today.to_owned(),
+        });
+    }
+    let differs = if measured_on.name != instrument.name {
+        Some("name")
+    } else if measured_on.camera != instrument.camera {
+        Some("camera")
+    } else if measured_on.mirror != instrument.mirror {
+        Some("mirror")
+    } else if measured_on.lamp != instrument.lamp {
+        Some("lamp")
+    } else if measured_on.holder != instrument.holder {
+        Some("holder")
+    } else {
+        None
+    };
+    if let Some(part) = differs {
+        findings.push(AcquisitionError::OtherInstrument {
+            found: measured_on.name.clone(),
+            expected: instrument.name.clone(),
+            part,
+        });
+    }
+    let mut notes = Vec::new();
+    for f in findings {
+        if !accept_stale {
+            return Err(f);
+        }
+        // no clock in the attributes: the finding without the day it was made
+        notes.push(match &f {
+            AcquisitionError::Expired { serial, expires, .. } => {
+                format!("accepted though stale: certificate of {serial} expired on {expires}")
+            }
+            AcquisitionError::OtherInstrument { found, part, .. } => {
+                format!("accepted though stale: reference measured on instrument {found}, {part} differs")
+            }
+            other => other.to_string(),
+        });
+    }
+    Ok(notes)
+}
+
+impl WhiteBuilder {
+    /// Nothing seen yet. `notes` come from [`validate`].
+    ///
+    /// # Errors
+    /// [`AcquisitionError::Certificate`] when the certified BRDF cannot be read.
+    pub fn new(
+        map: Arc<PixelMap>,
+        certificate: &Certificate,
+        notes: Vec<String>,
+        options: &Options,
+    ) -> Result<Self, AcquisitionError> {
+        let brdf = ModelFile::from_json(&certificate.brdf)
+            .map_err(|source| AcquisitionError::Certificate { serial: certificate.serial.clone(), source })?;
+        let pixels = map.width() * map.height();
+        Ok(Self {
+            sensor: Sensor::new(&map.description().camera, options.saturation, &options.linearity),
+            map,
+            brdf,
+            certificate: certificate.clone(),
+            notes,
+            dark_frames: DarkFrames::default(),
+            dark: DarkModel::none(pixels),
+            sums: vec![Sums::default(); pixels],
+            poses: 0,
+        })
+    }
+
+    /// Adds a pose; its dark frames serve from here on. Poses without light (dark ones) only bring those.
+    ///
+    /// # Errors
+    /// [`AcquisitionError`] for frames of the wrong size.
+    pub fn add_pose(&mut self, record: &PoseRecord) -> Result<(), AcquisitionError> {
+        crate::merge::check_frames(record, &self.map)?;
+        let mut fresh = false;
+        for e in record.exposures.iter().filter(|e| !e.shutter_open) {
+            self.dark_frames.add(&e.frame, &self.sensor);
+            fresh = true;
+        }
+        if fresh {
+            self.dark = self.dark_frames.model(&self.sensor, self.sums.len());
+        }
+        if record.exposures.iter().all(|e| !e.shutter_open) {
+            return Ok(());
+        }
+        let view = self.map.view(record.readback);
+        let cos_limit = WHITE_LIMIT_DEG.to_radians().cos();
+        let wanted: Vec<bool> = (0..self.sums.len())
+            .into_par_iter()
+            .map(|p| view.visible[p] && view.sample_from_lab.apply(self.map.direction(p)).z > cos_limit)
+            .collect();
+        let merged = merge(record, &self.map, &self.sensor, &self.dark, &wanted)?;
+        let d = self.map.description();
+        let light = Vec3::from_polar(view.theta_i, gonio_optics::Angle::ZERO);
+        let lights = quadrature::cone(light, d.lamp.half_angle(), 1);
+        let (map, brdf, spot) = (&self.map, &self.brdf, d.lamp.spot_radius_mm);
+        self.sums.par_iter_mut().enumerate().with_min_len(4096).for_each(|(p, sum)| {
+            let m = merged.pixels[p];
+            if !m.is_valid() {
+                return;
+            }
+            let v = view.sample_from_lab.apply(map.direction(p));
+            let channel = map.channel(p);
+            let mean: f64 = lights.iter().map(|l| brdf.eval(*l, v)[channel] * l.z.max(0.0)).sum::<f64>()
+                / lights.len() as f64;
+            let a = mean * lit_share(map.footprint_mm(p), spot, light.z, v);
+            let x = f64::from(m.exposure);
+            sum.rate += x * f64::from(m.rate);
+            sum.expected += x * a;
+            sum.variance += x * x * f64::from(m.shot + m.read);
+            // the dark signal is one and the same in every pose
+            sum.dark_sigma += x * f64::from(m.dark).sqrt();
+        });
+        self.poses += 1;
+        Ok(())
+    }
+
+    /// The calibration.
+    ///
+    /// # Errors
+    /// [`AcquisitionError::EmptyReference`] when no pixel ever saw the reference.
+    pub fn finish(self) -> Result<WhiteReference, AcquisitionError> {
+        let (scale, relative_variance): (Vec<f32>, Vec<f32>) = self
+            .sums
+            .iter()
+            .map(|s| {
+                if s.expected > 0.0 && s.rate > 0.0 {
+                    let variance = (s.variance + s.dark_sigma * s.dark_sigma) / (s.rate * s.rate);
+                    ((s.rate / s.expected) as f32, variance as f32)
+                } else {
+                    (f32::NAN, 0.0)
+                }
+            })
+            .unzip();
+        if scale.iter().all(|k| k.is_nan()) {
+            return Err(AcquisitionError::EmptyReference);
+        }
+        Ok(WhiteReference {
+            scale,
+            relative_variance,
+            certificate_uncertainty: self.certificate.relative_uncertainty,
+            serial: self.certificate.serial,
+            notes: self.notes,
+        })
+    }
+}

@@ -2,7 +2,7 @@
 //!
 //! Four dimensions (place in the pixel, point of the lamp) are averaged together. Where the reflectance is smooth, eight points that
 //! move in all four at once (rows of a Hadamard matrix, exact to third degree) are enough; their departure from the middle value measures the
-//! curvature and calls finer rules: 9 × 7 points, then 36 × 61. The gloss of a smooth surface is no lobe to be sampled: it is the lamp's
+//! curvature and calls finer rules: 9 × 7 points, then 36 × 61, then 144 × 331. The gloss of a smooth surface is no lobe to be sampled: it is the lamp's
 //! mirror image, `F/Ω` inside and nothing outside, and its share of the pixel is cut exactly line by line.
 
 use gonio_brdf::Brdf;
@@ -12,7 +12,7 @@ use super::lamp::{Disc, radon7, rings};
 
 /// Curvature, relative to the mean, up to which eight points serve. Their error is of the order of its square.
 const SMOOTH: f64 = 0.015;
-/// Difference between the eight- and the 63-point rule up to which the latter serves.
+/// Difference between a rule and the next finer one up to which the latter serves.
 const FAIRLY_SMOOTH: f64 = 0.01;
 /// Within this angle beyond the mirror image the finer rules are always taken, degrees.
 const MIRROR_MARGIN_DEG: f64 = 2.0;
@@ -59,6 +59,7 @@ pub(crate) struct Averager<'a> {
     joint: [(LampPoint, f64, f64); 8],
     radon: Vec<(LampPoint, f64)>,
     rings: Vec<LampPoint>,
+    many_rings: Vec<LampPoint>,
     lit: bool,
 }
 
@@ -103,6 +104,7 @@ impl<'a> Averager<'a> {
             joint,
             radon: radon7().into_iter().map(|(p, w)| (point(p), w)).collect(),
             rings: rings(4).into_iter().map(point).collect(),
+            many_rings: rings(10).into_iter().map(point).collect(),
             lit: light.z > -half_angle_rad.sin(),
         }
     }
@@ -163,14 +165,24 @@ impl<'a> Averager<'a> {
         if (fine - eight).abs() <= FAIRLY_SMOOTH * fine {
             return fine;
         }
-        let mut finest = 0.0;
-        for j in 0..6 {
-            for i in 0..6 {
-                let look = patch.at((f64::from(i) + 0.5) / 6.0, (f64::from(j) + 0.5) / 6.0);
-                finest += look.k * self.rings.iter().map(|l| self.value(l, look.view, channel)).sum::<f64>();
+        let finer = self.product(patch, channel, 6, &self.rings);
+        if (finer - fine).abs() <= FAIRLY_SMOOTH * finer {
+            return finer;
+        }
+        self.product(patch, channel, 12, &self.many_rings)
+    }
+
+    /// Mean over `side`² places of equal weight and the given points of the lamp.
+    fn product(&self, patch: &Patch, channel: usize, side: u32, lamp: &[LampPoint]) -> f64 {
+        let step = 1.0 / f64::from(side);
+        let mut sum = 0.0;
+        for j in 0..side {
+            for i in 0..side {
+                let look = patch.at((f64::from(i) + 0.5) * step, (f64::from(j) + 0.5) * step);
+                sum += look.k * lamp.iter().map(|l| self.value(l, look.view, channel)).sum::<f64>();
             }
         }
-        finest / (36.0 * self.rings.len() as f64)
+        sum * step * step / lamp.len() as f64
     }
 
     /// `k F/Ω` times the share of the pixel that sees the lamp's mirror image.

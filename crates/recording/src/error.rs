@@ -25,6 +25,12 @@ pub enum RecordingError {
         /// The file.
         path: PathBuf,
     },
+    /// Another program is writing it.
+    #[error("{} is being written by another program; wait for its scan or end it with `gonio stop`", path.display())]
+    InUse {
+        /// The file.
+        path: PathBuf,
+    },
     /// No room left while writing.
     #[error(
         "the disk is full: {} cannot grow past {written} bytes; the poses finished so far are kept, free some space and continue with --resume",

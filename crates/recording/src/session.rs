@@ -180,7 +180,7 @@ impl Session {
         self.segments.iter().map(|s| s.path.as_path())
     }
 
-    /// What was found wrong while opening; [`crate::Session`] looks further.
+    /// What was found wrong while opening; [`crate::verify::verify`] looks further.
     #[must_use]
     pub fn findings(&self) -> &[Finding] {
         &self.findings

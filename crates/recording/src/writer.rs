@@ -46,7 +46,8 @@ pub enum Clock {
 }
 
 impl Clock {
-    fn tick(&mut self) -> Duration {
+    /// The time now; counts up where the clock does.
+    pub fn time(&mut self) -> Duration {
         match self {
             Self::System => now(),
             Self::Steps { start, step } => {
@@ -137,9 +138,9 @@ impl Writer {
             return Err(RecordingError::Exists { path: segment_path(path, n) });
         }
         let mut clock = options.clock;
-        let started = clock.tick();
+        let started = clock.time();
         let record = SessionRecord::new(header, 1, started)?;
-        let file = open_new(path, options.overwrite)?;
+        let file = create_file(path, options.overwrite)?;
         // the continuations of a session that is gone would be taken for this one's
         for n in stale {
             let old = segment_path(path, n);
@@ -156,7 +157,7 @@ impl Writer {
         clock: Clock,
     ) -> Result<Self, RecordingError> {
         let path = segment_path(first, record.segment);
-        Self::begin(open_new(&path, false)?, &path, header, record, clock)
+        Self::begin(create_file(&path, false)?, &path, header, record, clock)
     }
 
     fn begin(
@@ -214,7 +215,7 @@ impl Writer {
 
     /// Time by the journal's clock.
     pub fn time(&mut self) -> Duration {
-        self.clock.tick()
+        self.clock.time()
     }
 
     fn failed(&self) -> Option<RecordingError> {
@@ -283,7 +284,7 @@ impl Writer {
         if self.in_pose {
             return Err(RecordingError::Order { call: "begin a pose", state: "inside another" });
         }
-        let t = ns(self.clock.tick());
+        let t = ns(self.clock.time());
         self.send(Command::Begin(t, index, commanded, readback))?;
         self.in_pose = true;
         Ok(())
@@ -331,7 +332,7 @@ impl Writer {
             sensor_temperature_c: f.sensor_temperature_c,
             sha256: Vec::new(),
         };
-        let t = ns(self.clock.tick());
+        let t = ns(self.clock.time());
         self.send(Command::Frame(t, digest::to_bytes(&f.pixels), info))
     }
 
@@ -345,7 +346,7 @@ impl Writer {
             return Err(RecordingError::Order { call: "end a pose", state: "outside a pose" });
         }
         self.in_pose = false;
-        let t = ns(self.clock.tick());
+        let t = ns(self.clock.time());
         self.ask(|reply| Command::End(t, reply))
     }
 
@@ -358,7 +359,7 @@ impl Writer {
             return Ok(());
         }
         self.in_pose = false;
-        let t = ns(self.clock.tick());
+        let t = ns(self.clock.time());
         self.send(Command::GiveUp(t))
     }
 
@@ -376,7 +377,7 @@ impl Writer {
             return Err(RecordingError::Stopped { path: self.path.clone() });
         };
         let (reply, answer) = sync_channel(1);
-        let t = ns(self.clock.tick());
+        let t = ns(self.clock.time());
         let sent = sender.send(Command::Finish(t, reply)).is_ok();
         let stopped = || self.failed().unwrap_or_else(|| RecordingError::Stopped { path: self.path.clone() });
         let result = if sent { answer.recv().unwrap_or_else(|_| Err(stopped())) } else { Err(stopped()) };
@@ -409,15 +410,25 @@ impl Drop for Writer {
     }
 }
 
-fn open_new(path: &Path, overwrite: bool) -> Result<File, RecordingError> {
+/// Creates a session file, and holds it against other writers while it is open.
+pub(crate) fn create_file(path: &Path, overwrite: bool) -> Result<File, RecordingError> {
+    let io = |e: &std::io::Error| RecordingError::io("create", path, 0, e);
     let mut options = OpenOptions::new();
-    options.write(true);
-    if overwrite {
-        options.create(true).truncate(true);
-    } else {
-        options.create_new(true);
+    options.write(true).create(true).create_new(!overwrite);
+    let file = options.open(path).map_err(|e| io(&e))?;
+    lock(&file, path)?;
+    // only now: a session that is just being written must not be emptied
+    file.set_len(0).map_err(|e| io(&e))?;
+    Ok(file)
+}
+
+/// Holds a file against other writers; given back when it is closed.
+pub(crate) fn lock(file: &File, path: &Path) -> Result<(), RecordingError> {
+    match file.try_lock() {
+        Err(std::fs::TryLockError::WouldBlock) => Err(RecordingError::InUse { path: path.to_owned() }),
+        // a file system without locks must not keep anyone from measuring
+        Ok(()) | Err(std::fs::TryLockError::Error(_)) => Ok(()),
     }
-    options.open(path).map_err(|e| RecordingError::io("create", path, 0, &e))
 }
 
 /// Makes the name itself durable, where the system lets one; without it a power failure may lose the file as a whole.

@@ -2,10 +2,10 @@
 
 use rayon::prelude::*;
 
+use crate::footprint::lit_share;
 use crate::merge::MergedPose;
 use crate::pixel_map::{PixelMap, PoseView};
 use crate::reference::WhiteReference;
-use crate::footprint::lit_share;
 use crate::weights::Weights;
 
 /// Share of a bin from which on it counts as seen whole.
@@ -160,9 +160,7 @@ fn one(weights: &Weights, pixels: &[PixelValue], sides: [usize; 2], min_coverage
         cell.dark[c] = total(|s| s.dark) / w2;
         cell.reference[c] = total(|s| s.reference) / w2;
     }
-    if bound < WHOLE {
-        let n = used.len() as f64;
-        cell.off_centre_rad = used.iter().map(|&k| weights.off_centre_rad(sides[k])).sum::<f64>() / n;
-    }
+    let n = used.len() as f64;
+    cell.off_centre_rad = used.iter().map(|&k| weights.off_centre_rad(sides[k])).sum::<f64>() / n;
     Some(cell)
 }

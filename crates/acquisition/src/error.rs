@@ -24,7 +24,9 @@ pub enum AcquisitionError {
         height: u32,
     },
     /// Fewer pixel values than width × height.
-    #[error("pose {pose} holds a frame of {found} pixel values, expected {expected}; the recording is damaged, run `gonio verify`")]
+    #[error(
+        "pose {pose} holds a frame of {found} pixel values, expected {expected}; the recording is damaged, run `gonio verify`"
+    )]
     FrameLength {
         /// Place in the plan.
         pose: u32,
@@ -34,7 +36,9 @@ pub enum AcquisitionError {
         expected: usize,
     },
     /// A pose without a usable frame of the lamp's light.
-    #[error("pose {pose} holds no frame taken with the shutter open and the lamp burning; scan that pose again")]
+    #[error(
+        "pose {pose} holds no frame taken with the shutter open and the lamp burning; scan that pose again"
+    )]
     NoLight {
         /// Place in the plan.
         pose: u32,
@@ -86,7 +90,9 @@ pub enum AcquisitionError {
         source: ModelError,
     },
     /// A reference session that saw nothing.
-    #[error("the white reference session holds no pose in which a pixel sees the reference; scan the white reference again")]
+    #[error(
+        "the white reference session holds no pose in which a pixel sees the reference; scan the white reference again"
+    )]
     EmptyReference,
     /// A setting outside what can be.
     #[error("{name} = {found}, expected {expected}")]

@@ -79,7 +79,8 @@ impl Holder {
             h.disc_radius_mm + h.spin_offset_mm.abs() + margin,
         );
         let back = h.disc_thickness_mm + h.body.length_mm;
-        let body = Cylinder::between(behind(h.disc_thickness_mm), behind(back + margin), h.body.radius_mm + margin);
+        let body =
+            Cylinder::between(behind(h.disc_thickness_mm), behind(back + margin), h.body.radius_mm + margin);
         let (crank, end) = (behind(h.crank.behind_mm), shaft_axis * h.shaft.from_mm);
         let thick = h.crank.radius_mm + margin;
         // past its axis by its radius, where it meets the web that leads to the shaft

@@ -72,7 +72,11 @@ pub(crate) fn check_frames(record: &PoseRecord, map: &PixelMap) -> Result<(), Ac
         }
         let expected = map.width() * map.height();
         if f.pixels.len() != expected {
-            return Err(AcquisitionError::FrameLength { pose: record.index, found: f.pixels.len(), expected });
+            return Err(AcquisitionError::FrameLength {
+                pose: record.index,
+                found: f.pixels.len(),
+                expected,
+            });
         }
     }
     Ok(())
@@ -132,11 +136,13 @@ fn pixel(frames: &[&Exposure], p: usize, map: &PixelMap, sensor: &Sensor, dark: 
                 || neighbourhood(&e.frame.pixels, p, map.width(), map.height()) < sensor.saturated)
     };
     // signal and effective exposure of frame j
-    let each = || frames.iter().filter(|e| usable(e)).map(|e| {
-        let t = e.frame.exposure.as_secs_f64();
-        let s = sensor.electrons(e.frame.pixels[p]) - mean - current * (t - dark.mean_t_s);
-        (s, t, t * e.lamp_monitor)
-    });
+    let each = || {
+        frames.iter().filter(|e| usable(e)).map(|e| {
+            let t = e.frame.exposure.as_secs_f64();
+            let s = sensor.electrons(e.frame.pixels[p]) - mean - current * (t - dark.mean_t_s);
+            (s, t, t * e.lamp_monitor)
+        })
+    };
     let (mut signal, mut exposure) = (0.0, 0.0);
     for (s, _, x) in each() {
         signal += s;

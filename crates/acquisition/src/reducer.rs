@@ -128,7 +128,11 @@ impl Reducer {
             self.options.min_coverage,
         );
         // rows within a tenth of a degree of their node are on it as far as the encoders' rounding goes
-        self.rows[ti].add(&found, Angle::from_degrees(if off < 2e-3 { 0.0 } else { off }), merged.lamp_relative);
+        self.rows[ti].add(
+            &found,
+            Angle::from_degrees(if off < 2e-3 { 0.0 } else { off }),
+            merged.lamp_relative,
+        );
         self.statistics.push(PoseStatistics::new(record, theta_i, &merged, &found, &self.options));
         Ok(self.statistics.last())
     }
@@ -204,7 +208,8 @@ impl Reducer {
         put("units", "1/sr, without the cosine".to_owned());
         put(
             "conventions",
-            "phi = 0 on the light's side, 180 on the mirror side; linear RGB of the camera's channels".to_owned(),
+            "phi = 0 on the light's side, 180 on the mirror side; linear RGB of the camera's channels"
+                .to_owned(),
         );
         put("clear_coat", "none".to_owned());
         put("limit_deg", format!("{}", o.limit_deg));

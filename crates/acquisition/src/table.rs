@@ -11,8 +11,7 @@ use gonio_optics::Angle;
 use crate::row::{Row, RowCell};
 
 /// Names of the parts of σ, in the order of [`Budget`].
-pub const PARTS: [&str; 8] =
-    ["shot", "read", "dark", "reference", "flakes", "certificate", "lamp", "angle"];
+pub const PARTS: [&str; 8] = ["shot", "read", "dark", "reference", "flakes", "certificate", "lamp", "angle"];
 
 /// Mean relative variance of the measured cells, part by part, as [`PARTS`] names them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -64,7 +64,12 @@ impl Bins {
             (a.radians(), b.radians())
         });
         let narrowest_rad = theta.windows(2).map(|w| w[1] - w[0]).fold(f64::INFINITY, f64::min);
-        Self { cos_bounds: theta.iter().map(|t| t.cos()).collect(), phi_bounds, cells: no * np, narrowest_rad }
+        Self {
+            cos_bounds: theta.iter().map(|t| t.cos()).collect(),
+            phi_bounds,
+            cells: no * np,
+            narrowest_rad,
+        }
     }
 
     /// Bin of a direction in the sample frame (any length): side, θo, φ in one number.
@@ -276,9 +281,68 @@ fn eroded(visible: &[bool], w: usize, h: usize) -> Vec<bool> {
     rows.par_chunks_mut(w).enumerate().for_each(|(y, row)| {
         row.copy_from_slice(&line(&|x| visible[y * w + x], w));
     });
-    let columns: Vec<Vec<bool>> =
-        (0..w).into_par_iter().map(|x| line(&|y| rows[y * w + x], h)).collect();
+    let columns: Vec<Vec<bool>> = (0..w).into_par_iter().map(|x| line(&|y| rows[y * w + x], h)).collect();
     (0..w * h).map(|i| columns[i % w][i / w]).collect()
+}
+
+/// First of the four neighbours of `at` on the lattice of every second pixel, and the fraction past the second.
+fn lattice(at: f64, parity: usize) -> (isize, f64) {
+    let q = (at - parity as f64) / 2.0;
+    let cell = q.floor();
+    let t = q - cell;
+    (2 * (cell as isize - 1) + parity as isize, if t < 1e-9 { 0.0 } else { t })
+}
+
+/// The 4 × 4 pixels of one colour lattice around a point.
+struct Taps<'a> {
+    x0: isize,
+    y0: isize,
+    w: isize,
+    h: isize,
+    visible: &'a [bool],
+}
+
+type Kernel = ([f64; 4], [f64; 4]);
+
+impl Taps<'_> {
+    /// Calls `f` with the weight of each neighbour that counts, and its place on the sensor (`None` outside).
+    fn each(&self, (kx, ky): &Kernel, mut f: impl FnMut(f64, Option<usize>)) {
+        for (j, wy) in ky.iter().enumerate().filter(|(_, w)| **w != 0.0) {
+            let row = self.y0 + 2 * j as isize;
+            for (i, wx) in kx.iter().enumerate().filter(|(_, w)| **w != 0.0) {
+                let column = self.x0 + 2 * i as isize;
+                let inside = row >= 0 && row < self.h && column >= 0 && column < self.w;
+                f(wx * wy, inside.then(|| (row * self.w + column) as usize));
+            }
+        }
+    }
+
+    fn all_visible(&self, kernel: &Kernel) -> bool {
+        let mut all = true;
+        self.each(kernel, |_, p| all &= p.is_some_and(|p| self.visible[p]));
+        all
+    }
+
+    fn visible_share(&self, kernel: &Kernel) -> f64 {
+        let mut sum = 0.0;
+        self.each(kernel, |w, p| {
+            if p.is_some_and(|p| self.visible[p]) {
+                sum += w;
+            }
+        });
+        sum
+    }
+
+    fn scatter(&self, kernel: &Kernel, amount: f64, scratch: &mut [f32], touched: &mut Vec<u32>) {
+        self.each(kernel, |w, p| {
+            if let Some(p) = p.filter(|&p| self.visible[p]) {
+                if scratch[p] == 0.0 {
+                    touched.push(p as u32);
+                }
+                scratch[p] += (amount * w) as f32;
+            }
+        });
+    }
 }
 
 /// Weights of one bin: what each pixel contributes to the interpolated radiance summed over the bin's parts.
@@ -301,52 +365,20 @@ fn gather(
         let e = p.element as usize;
         let (x, y) = ((e as isize % w) as f64 + f64::from(p.dx), (e as isize / w) as f64 + f64::from(p.dy));
         for (k, share) in shares.iter().enumerate() {
-            let taps = |at: f64, parity: usize| {
-                let q = (at - parity as f64) / 2.0;
-                let cell = q.floor();
-                let t = q - cell;
-                let t = if t < 1e-9 { 0.0 } else { t };
-                let kernel = if deep[e] { cubic(t) } else { [0.0, 1.0 - t, t, 0.0] };
-                (2 * (cell as isize - 1) + parity as isize, kernel)
-            };
-            let (x0, kx) = taps(x, k % 2);
-            let (y0, ky) = taps(y, k / 2);
-            let mut add = |scale: f64| -> f64 {
-                let mut got = 0.0;
-                for (j, wy) in ky.iter().enumerate() {
-                    let row = y0 + 2 * j as isize;
-                    if *wy == 0.0 || row < 0 || row >= h {
-                        continue;
-                    }
-                    for (i, wx) in kx.iter().enumerate() {
-                        let column = x0 + 2 * i as isize;
-                        if *wx == 0.0 || column < 0 || column >= w {
-                            continue;
-                        }
-                        let pixel = (row * w + column) as usize;
-                        if !deep[e] && !view.visible[pixel] {
-                            continue;
-                        }
-                        got += wx * wy;
-                        if scale != 0.0 {
-                            if scratch[pixel] == 0.0 {
-                                touched.push(pixel as u32);
-                            }
-                            scratch[pixel] += (scale * wx * wy) as f32;
-                        }
-                    }
-                }
-                got
-            };
+            let (x0, tx) = lattice(x, k % 2);
+            let (y0, ty) = lattice(y, k / 2);
             let amount = share * f64::from(p.solid_angle);
-            if deep[e] {
-                add(amount);
-            } else {
-                // beside an edge some neighbours are missing: those left stand for all
-                let got = add(0.0);
-                if got > 1e-3 {
-                    add(amount / got);
-                }
+            let keys = (cubic(tx), cubic(ty));
+            let taps = Taps { x0, y0, w, h, visible: &view.visible };
+            if deep[e] || taps.all_visible(&keys) {
+                taps.scatter(&keys, amount, scratch, touched);
+                continue;
+            }
+            // beside an edge: linear, and where neighbours are missing those left stand for all
+            let linear = ([0.0, 1.0 - tx, tx, 0.0], [0.0, 1.0 - ty, ty, 0.0]);
+            let got = taps.visible_share(&linear);
+            if got > 1e-3 {
+                taps.scatter(&linear, amount / got, scratch, touched);
             }
         }
     }
@@ -375,7 +407,8 @@ fn coverage(grid: &Grid, bins: &Bins, starts: &[usize], parts: &[Part]) -> Vec<f
             } else {
                 grid.solid_angle(to, phi)
             };
-            let seen: f64 = parts[starts[bin]..starts[bin + 1]].iter().map(|p| f64::from(p.solid_angle)).sum();
+            let seen: f64 =
+                parts[starts[bin]..starts[bin + 1]].iter().map(|p| f64::from(p.solid_angle)).sum();
             (seen / whole) as f32
         })
         .collect()

@@ -35,7 +35,8 @@ pub(super) fn between_rows(m: &mut Measured, limit_deg: f64) {
             for c in 0..3 {
                 let (va, vb) = (m.values[a][c].max(0.0), m.values[b][c].max(0.0));
                 m.values[at][c] = va + (vb - va) * t;
-                m.sigma[at][c] = (m.sigma[a][c].max(m.sigma[b][c]).powi(2) + (0.5 * (va - vb)).powi(2)
+                m.sigma[at][c] = (m.sigma[a][c].max(m.sigma[b][c]).powi(2)
+                    + (0.5 * (va - vb)).powi(2)
                     + (0.02 * m.values[at][c]).powi(2))
                 .sqrt();
             }

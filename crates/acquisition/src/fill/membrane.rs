@@ -38,20 +38,28 @@ pub(super) fn fill(m: &mut Measured, limit_deg: f64) {
             }
             if o > 0 {
                 out[2] = if p > 0 { (Some(k - 1), across(p, p - 1)) } else { (Some(k + 1), across(0, 1)) };
-                out[3] = if p + 1 < np { (Some(k + 1), across(p, p + 1)) } else { (Some(k - 1), across(p, p - 1)) };
+                out[3] = if p + 1 < np {
+                    (Some(k + 1), across(p, p + 1))
+                } else {
+                    (Some(k - 1), across(p, p - 1))
+                };
             }
             out
         };
         let holes: Vec<usize> = (0..known.len()).filter(|k| !known[*k]).collect();
         let mut reach = vec![0.0f64; known.len()];
         for c in 0..3 {
-            let mean = (0..known.len()).filter(|k| known[*k]).map(|k| f64::from(m.values[start + k][c])).sum::<f64>()
+            let mean = (0..known.len())
+                .filter(|k| known[*k])
+                .map(|k| f64::from(m.values[start + k][c]))
+                .sum::<f64>()
                 / count as f64;
             let mut f: Vec<f64> = (0..known.len())
                 .map(|k| if known[k] { f64::from(m.values[start + k][c]) } else { mean })
                 .collect();
-            let mut s: Vec<f64> =
-                (0..known.len()).map(|k| if known[k] { f64::from(m.sigma[start + k][c]) } else { 0.0 }).collect();
+            let mut s: Vec<f64> = (0..known.len())
+                .map(|k| if known[k] { f64::from(m.sigma[start + k][c]) } else { 0.0 })
+                .collect();
             for sweep in 0..SWEEPS {
                 let mut change = 0.0f64;
                 for &k in &holes {

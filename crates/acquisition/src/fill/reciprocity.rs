@@ -31,11 +31,12 @@ pub(super) fn fill(m: &mut Measured, limit_deg: f64) {
                     value[c] = (va + (vb - va) * t).max(0.0);
                     let half = if t > 0.0 { 0.5 * (va - vb) } else { 0.0 };
                     // bins and lamp do not exchange with the directions: a cell's mean is not quite its swapped one's
-                    sigma[c] = (m.sigma[a][c].max(m.sigma[b][c]).powi(2) + half * half
-                        + (0.01 * value[c]).powi(2))
-                    .sqrt();
+                    sigma[c] =
+                        (m.sigma[a][c].max(m.sigma[b][c]).powi(2) + half * half + (0.01 * value[c]).powi(2))
+                            .sqrt();
                 }
-                let flag = if grid.theta_o_deg[to] > limit_deg + 1e-9 { Flag::Extrapolated } else { Flag::Filled };
+                let flag =
+                    if grid.theta_o_deg[to] > limit_deg + 1e-9 { Flag::Extrapolated } else { Flag::Filled };
                 found.push((index, value, sigma, flag));
             }
         }

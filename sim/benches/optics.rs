@@ -6,7 +6,7 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use gonio_brdf::ModelFile;
+use gonio_brdf::{Grid, Measured, ModelFile};
 use gonio_instrument::{Misalignment, Pose, builtin};
 use gonio_sim::optics::sensor::{Conditions, NoiseKey};
 use gonio_sim::optics::{Sample, Sensor, VirtualOptics};
@@ -48,6 +48,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     println!("{:<34}{baseline:>9.1} ms", "baseline: a normal number a pixel");
     let report = |name: &str, ms: f64| println!("{name:<34}{ms:>9.1} ms {:>7.1} × baseline", ms / baseline);
     let pose = Pose::from_degrees(45.0, 0.0);
+    let lobe = model(
+        r#"{"model":"ashikhmin-shirley-simplified","diffuse":[0.2,0.1,0.1],"specular":[0.1,0.1,0.1],"exponent":120}"#,
+    )?;
     let samples = [
         ("trace: white", Sample::diffuser(0.98)),
         (
@@ -68,6 +71,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 r#"{"model":"ashikhmin-shirley-simplified","diffuse":[0.2,0.1,0.1],"specular":[0.1,0.1,0.1],"exponent":1300,"coat":{"index":1.5}}"#,
             )?,
         ),
+        ("trace: measured table", Sample::table(Measured::sampled(Grid::sopp(), lobe.base.as_ref()))),
         ("trace: black glass", Sample::glass(1.567)),
     ];
     for (name, sample) in &samples {

@@ -77,6 +77,16 @@ impl MapKey {
     }
 }
 
+impl CameraFaults {
+    /// The first probability outside 0 to 1, with its name.
+    #[must_use]
+    pub fn out_of_range(&self) -> Option<(&'static str, f64)> {
+        [("dropped", self.dropped), ("torn", self.torn), ("frozen", self.frozen), ("late", self.late)]
+            .into_iter()
+            .find(|(_, p)| !(0.0..=1.0).contains(p))
+    }
+}
+
 impl VirtualCamera {
     /// A camera in `world` that sees `sample` in an instrument with errors.
     #[must_use]
@@ -165,7 +175,7 @@ impl VirtualCamera {
     /// Exposes one frame and counts it; whether it arrives is another matter.
     fn expose(&mut self, exposure: Duration, cancel: &Cancel) -> Result<Frame, DeviceError> {
         let state = self.world.state();
-        let stamp = self.opened.elapsed().mul_f64(state.time_scale);
+        let stamp = seconds(self.opened.elapsed().as_secs_f64() * state.time_scale);
         let light = state.shutter_open && state.lamp > 0.0;
         let map = if light { Some(self.map_of(&state)) } else { None };
         let started = Instant::now();
@@ -188,7 +198,7 @@ impl VirtualCamera {
         let rates = map.as_ref().map_or(&[][..], |m| &m.rates);
         let pixels = self.sensor.expose(rates, conditions, key);
         // computing the frame is part of the exposure's time
-        wait(exposure.div_f64(state.time_scale.max(1e-9)), started, cancel)?;
+        wait(seconds(exposure.as_secs_f64() / state.time_scale), started, cancel)?;
         let frame = Frame {
             width: self.info.width,
             height: self.info.height,
@@ -238,15 +248,16 @@ impl Camera for VirtualCamera {
                 continue;
             }
             if late < self.faults.late {
-                wait(
-                    Duration::from_secs_f64(self.faults.late_by_ms.max(0.0) * 1e-3),
-                    Instant::now(),
-                    cancel,
-                )?;
+                wait(seconds(self.faults.late_by_ms * 1e-3), Instant::now(), cancel)?;
             }
             return Ok(frame);
         }
     }
+}
+
+/// A duration from seconds; zero for what is none, the longest for what is too long.
+fn seconds(s: f64) -> Duration {
+    if s > 0.0 { Duration::try_from_secs_f64(s).unwrap_or(Duration::MAX) } else { Duration::ZERO }
 }
 
 /// Waits until `time` after `started` unless a stop is asked for.

@@ -43,6 +43,9 @@ pub struct Faults {
     /// How bad the line is; applied by the transport's fault injection, not here.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub link: Option<LinkFaults>,
+    /// What goes wrong with the camera; acted on by [`crate::VirtualCamera`], not here.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub camera: Option<crate::CameraFaults>,
 }
 
 /// One event. Exactly one of `at_s` and `at_move` is given.
@@ -166,6 +169,13 @@ impl Faults {
                     expected: "a chance, 0 to 1",
                 });
             }
+        }
+        if let Some((name, found)) = faults.camera.as_ref().and_then(crate::CameraFaults::out_of_range) {
+            return Err(FaultsError::Value {
+                field: format!("camera.{name}"),
+                found: found.to_string(),
+                expected: "a chance, 0 to 1",
+            });
         }
         Ok(faults)
     }

@@ -1,16 +1,23 @@
 //! What lies on the holder: a truth, or one of the reference samples.
 
-use gonio_brdf::{Brdf, Measured, ModelFile};
-use gonio_instrument::ScanKind;
+use gonio_brdf::{Brdf, Measured, ModelError, ModelFile};
+use gonio_instrument::{Certificate, ScanKind};
 use gonio_optics::Angle;
 
 use super::holder::Wedge;
+use crate::truth::Truth;
 
 /// Refractive index of the black glass.
 pub const BLACK_GLASS_INDEX: f64 = 1.567;
 
 /// Albedo of the black reference: what good black paint or a light trap leaves.
 pub const BLACK_ALBEDO: f64 = 1e-4;
+
+/// Angle of the wedge under the black glass, which the evaluation must do without knowing.
+pub const WEDGE_ANGLE: Angle = Angle::from_degrees(21.3);
+
+/// Azimuth of the wedge's lean in the sample frame.
+pub const WEDGE_AZIMUTH: Angle = Angle::from_degrees(180.0);
 
 /// A sample on the holder.
 pub struct Sample {
@@ -35,6 +42,21 @@ impl std::fmt::Debug for Sample {
 }
 
 impl Sample {
+    /// What lies on the holder in a scan of this kind: the truth, or the reference that the kind asks for. A dark scan leaves the sample where
+    /// it is; the shutter is closed. Each kind has noise of its own.
+    ///
+    /// # Errors
+    /// [`ModelError`] if the certificate's BRDF cannot be read.
+    pub fn of_kind(kind: ScanKind, truth: &Truth, white: &Certificate) -> Result<Self, ModelError> {
+        let sample = match kind {
+            ScanKind::Sample | ScanKind::Dark => truth.sample(),
+            ScanKind::White => Self::model(ModelFile::from_json(&white.brdf)?),
+            ScanKind::BlackGlass => Self::glass(BLACK_GLASS_INDEX),
+            ScanKind::BlackGlassWedge => Self::glass(BLACK_GLASS_INDEX).on_wedge(WEDGE_ANGLE, WEDGE_AZIMUTH),
+        };
+        Ok(sample.with_noise_key(Self::noise_key_of(kind)))
+    }
+
     /// Any BRDF without a smooth surface.
     #[must_use]
     pub fn rough(base: Box<dyn Brdf>) -> Self {

@@ -129,6 +129,22 @@ impl Sensor {
         &self.dark
     }
 
+    /// Raw counts without noise, neither rounded nor clipped: black level plus signal and dark current. Pixels without a rate see no light.
+    #[must_use]
+    pub fn noise_free(&self, rates: &[f32], conditions: Conditions) -> Vec<f64> {
+        let gain = 1.0 / self.electrons_per_count;
+        let t_light = conditions.exposure_s * conditions.lamp;
+        let t_dark = conditions.exposure_s * Self::dark_factor(conditions.temperature_c);
+        self.dark
+            .iter()
+            .enumerate()
+            .map(|(i, &dark)| {
+                let light = f64::from(rates.get(i).copied().unwrap_or(0.0));
+                f64::from(self.black_level) + (light * t_light + f64::from(dark) * t_dark) * gain
+            })
+            .collect()
+    }
+
     /// Raw counts, row by row. Pixels without a rate (a short `rates`) see no light.
     #[must_use]
     pub fn expose(&self, rates: &[f32], conditions: Conditions, key: NoiseKey) -> Vec<u16> {

@@ -124,3 +124,30 @@ fn the_same_key_gives_the_same_frame_on_any_number_of_threads_and_another_key_ot
         assert!(same < first.len() / 10, "{k:?}: {same} pixels alike");
     }
 }
+
+#[test]
+fn the_noise_free_image_is_the_mean_of_many_noisy_ones() {
+    let d = instrument("tiny");
+    let sensor = Sensor::new(&d, 1);
+    let rates: Vec<f32> = (0..d.camera.pixels()).map(|i| i as f32 * 20.0).collect();
+    let ideal = sensor.noise_free(&rates, lit(5e-3));
+    let frames = 64;
+    let mut sum = vec![0.0; ideal.len()];
+    for repeat in 0..frames {
+        for (s, c) in sum.iter_mut().zip(sensor.expose(&rates, lit(5e-3), key(repeat))) {
+            *s += f64::from(c);
+        }
+    }
+    let gain = d.camera.electrons_per_count();
+    let chi2: f64 = sum
+        .iter()
+        .zip(&ideal)
+        .map(|(s, i)| {
+            let electrons = (i - f64::from(d.camera.black_level)) * gain;
+            let variance = (electrons + d.camera.read_noise_e.powi(2)) / (gain * gain) + 1.0 / 12.0;
+            (s / frames as f64 - i).powi(2) * frames as f64 / variance
+        })
+        .sum();
+    let n = ideal.len() as f64;
+    assert!((chi2 / n - 1.0).abs() < 5.0 * (2.0 / n).sqrt(), "reduced chi² {}", chi2 / n);
+}

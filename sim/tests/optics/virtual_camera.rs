@@ -54,10 +54,11 @@ fn a_resumed_scan_sees_what_the_uninterrupted_one_sees() {
     let mut whole = camera(&w, 5);
     let (first, again) = (shot(&mut whole, 5), shot(&mut whole, 5));
     assert_ne!(first.pixels, again.pixels, "repeats have their own noise");
-    let go = |w: &World, t: f64| {
-        w.update(|s| (s.actual, s.readback) = (Pose::from_degrees(t, 0.0), Pose::from_degrees(t, 0.0)))
-    };
-    go(&w, 50.0);
+    let there = Pose::from_degrees(50.0, 0.0);
+    w.update(|s| {
+        s.actual = there;
+        s.readback = there;
+    });
     let there = shot(&mut whole, 5);
     // another process starts at the second pose
     let mut resumed = camera(&w, 5);

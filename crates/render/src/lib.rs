@@ -10,6 +10,8 @@
 pub mod draw;
 pub mod picture;
 pub mod plots;
+pub mod report;
 pub mod sphere;
 
 pub use picture::{Picture, PictureError, Srgb};
+pub use report::Report;

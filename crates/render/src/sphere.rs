@@ -121,28 +121,24 @@ fn frame(n: Vec3) -> (Vec3, Vec3) {
 pub fn sphere(brdf: &dyn Brdf, options: &Sphere) -> LinearImage {
     let (size, n) = (options.size.clamp(1, 16_384), options.samples.clamp(1, 16));
     let pixel = |col: u32, row: u32| {
-        let (mut sum, mut known, mut covered) = ([0.0; 3], 0u32, 0u32);
+        let (mut sum, mut covered) = ([0.0; 3], 0u32);
         for s in 0..n * n {
             let fx = (f64::from(s % n) + 0.5) / f64::from(n);
             let fy = (f64::from(s / n) + 0.5) / f64::from(n);
             let x = 2.0 * (f64::from(col) + fx) / f64::from(size) - 1.0;
             let y = 1.0 - 2.0 * (f64::from(row) + fy) / f64::from(size);
-            let Some(normal) = normal_at(x, y) else { continue };
-            covered += 1;
-            let value = shade(brdf, normal, &options.lights);
-            if value.iter().all(|v| v.is_finite()) {
-                known += 1;
+            if let Some(normal) = normal_at(x, y) {
+                covered += 1;
+                let value = shade(brdf, normal, &options.lights);
                 for c in 0..3 {
                     sum[c] += value[c];
                 }
             }
         }
-        let share = f64::from(covered) / f64::from(n * n);
-        match (covered, known) {
-            (0, _) => ([0.0; 3], 0.0),
-            (_, 0) => ([f32::NAN; 3], share as f32),
-            _ => (sum.map(|v| (v / f64::from(known)) as f32), share as f32),
-        }
+        // one unknown sample makes the pixel unknown: a mean over the rest would be biased
+        let known = sum.iter().all(|v| v.is_finite());
+        let mean = sum.map(|v| if known { (v / f64::from(covered.max(1))) as f32 } else { f32::NAN });
+        (mean, (f64::from(covered) / f64::from(n * n)) as f32)
     };
     let rows: Vec<Vec<([f32; 3], f32)>> =
         (0..size).into_par_iter().map(|row| (0..size).map(|col| pixel(col, row)).collect()).collect();

@@ -166,9 +166,9 @@ mod tests {
 
     #[test]
     fn log_ticks_are_powers_of_ten_and_more_where_there_is_room() {
-        assert_eq!(labels(Scale::log(0.013, 80.0), 6), ["0.1", "1", "10", "100"]);
+        assert_eq!(labels(Scale::log(0.013, 80.0), 6), ["0.01", "0.1", "1", "10", "100"]);
         assert_eq!(labels(Scale::log(1e-6, 3e5), 6), ["10⁻⁶", "10⁻⁴", "10⁻²", "10⁰", "10²", "10⁴"]);
-        assert_eq!(labels(Scale::log(0.1, 0.9), 6), ["0.1", "0.2", "0.5", "1.0"]);
+        assert_eq!(labels(Scale::log(0.1, 0.9), 6), ["0.1", "0.2", "0.5", "1"]);
     }
 
     #[test]

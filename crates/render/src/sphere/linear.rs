@@ -14,7 +14,8 @@ pub struct LinearImage {
     pub width: u32,
     /// Pixels down.
     pub height: u32,
-    /// Mean over what the object covers of the pixel, not dimmed by its edge; NaN where the reflectance is not known.
+    /// Mean over what the object covers of the pixel, not dimmed by its edge; NaN where the reflectance is not known in
+    /// all of that.
     pub values: Vec<[f32; 3]>,
     /// Share of the pixel that the object covers, 0…1.
     pub coverage: Vec<f32>,

@@ -87,15 +87,18 @@ impl Measured {
         }
     }
 
-    /// A table of node values taken from a BRDF.
+    /// A table of node values taken from a BRDF; cells where it gives no finite number are invalid.
     #[must_use]
     pub fn sampled(grid: Grid, brdf: &dyn Brdf) -> Self {
         let mut m = Self::empty(grid, Meaning::Node);
         for i in 0..m.grid.len() {
             let [ti, to, phi] = m.grid.coordinates(i);
             let (l, v) = m.grid.geometry(ti, to, phi).directions();
-            m.values[i] = brdf.eval(l, v).map(|x| x as f32);
-            m.flag[i] = Flag::Measured;
+            let f = brdf.eval(l, v).map(|x| x as f32);
+            if f.iter().all(|x| x.is_finite()) {
+                m.values[i] = f;
+                m.flag[i] = Flag::Measured;
+            }
         }
         m
     }

@@ -14,6 +14,9 @@ use super::lamp::{Disc, radon7, rings};
 const SMOOTH: f64 = 0.015;
 /// Difference between a rule and the next finer one up to which the latter serves.
 const FAIRLY_SMOOTH: f64 = 0.01;
+/// Sharpness (an exponent, see [`Brdf::sharpness`]) from which the finest rule may be called. Kinks of tables also tell rules apart, and
+/// need no such effort.
+const NEEDLE: f64 = 3000.0;
 /// Within this angle beyond the mirror image the finer rules are always taken, degrees.
 const MIRROR_MARGIN_DEG: f64 = 2.0;
 /// Lines of a pixel in which the edge of the mirror image is cut.
@@ -166,7 +169,7 @@ impl<'a> Averager<'a> {
             return fine;
         }
         let finer = self.product(patch, channel, 6, &self.rings);
-        if (finer - fine).abs() <= FAIRLY_SMOOTH * finer {
+        if self.base.sharpness() < NEEDLE || (finer - fine).abs() <= FAIRLY_SMOOTH * finer {
             return finer;
         }
         self.product(patch, channel, 12, &self.many_rings)

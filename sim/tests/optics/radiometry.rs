@@ -1,6 +1,6 @@
 //! How much light arrives.
 
-use gonio_brdf::{Brdf, ModelFile};
+use gonio_brdf::{Brdf, Grid, Measured, ModelFile};
 use gonio_instrument::{Description, Misalignment, Pose};
 use gonio_optics::{Vec3, fresnel};
 use gonio_sim::optics::lamp::rings;
@@ -188,6 +188,29 @@ fn lobes_are_averaged_within_a_thousandth_and_needles_within_two_percent_of_thei
         }
     }
     assert_eq!(checked, 31);
+}
+
+#[test]
+fn the_kinks_of_a_measured_table_are_averaged_within_two_thousandths() {
+    let d = instrument("reference");
+    let optics = VirtualOptics::new(&d, &Misalignment::default());
+    let lobe = model(
+        r#"{"model":"ashikhmin-shirley-simplified","diffuse":[0.1,0.1,0.1],"specular":[0.3,0.3,0.3],"exponent":120}"#,
+    );
+    let sample = Sample::table(Measured::sampled(Grid::sopp(), &lobe));
+    let pose = Pose::from_degrees(75.0, 0.0);
+    let map = optics.rate_map(pose, 0.0, &sample);
+    let mut checked = 0;
+    for row in (61..1024).step_by(83) {
+        for column in (71..1280).step_by(149) {
+            let channel = d.camera.pattern.channel(column, row) as usize;
+            let Some(exact) = brute_force(&optics, pose, &sample, column, row, channel) else { continue };
+            let off = (rate(&map, column, row) / exact - 1.0).abs();
+            assert!(off < 2e-3, "pixel ({column}, {row}): off by {off:.1e}");
+            checked += 1;
+        }
+    }
+    assert!(checked > 30, "{checked} pixels");
 }
 
 #[test]

@@ -86,8 +86,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         ("black", zero, &black),
     ];
     for (name, table, model) in &tables {
-        let save =
-            |what: &str, p: &gonio_render::Picture| p.save_png(&dir.join(format!("{name}-{what}.png")));
+        let save = |what: &str, p: &Picture| p.save_png(&dir.join(format!("{name}-{what}.png")));
         let title = format!("Sample “{name}”");
         save("unfolded", &plots::unfolded(table, &Unfolded { title: title.clone(), ..Unfolded::default() }))?;
         save(

@@ -23,7 +23,7 @@ pub use sigma::sigma;
 pub use unfolded::{Unfolded, brightening, unfolded};
 
 pub(crate) use axis::{Scale, short, step_up as nice_above};
-pub(crate) use cells::{folded, quantile};
+pub(crate) use cells::{folded, quantile, relative_sigma, value};
 pub(crate) use colorbar::ColourBar;
 pub(crate) use legend::hatch as hatch_at;
 pub(crate) use unfolded::title;

@@ -6,6 +6,7 @@ mod base64;
 mod html;
 mod number;
 mod section;
+mod standard;
 mod style;
 
 use std::collections::BTreeSet;
@@ -13,6 +14,7 @@ use std::path::{Path, PathBuf};
 
 pub use number::{plus_minus, significant};
 pub use section::{Block, ColourDifference, Estimate, Fact, Figure, Parameter, Section};
+pub use standard::{Fit, colour_differences, standard_figures};
 
 use crate::picture::PictureError;
 

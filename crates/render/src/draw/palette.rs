@@ -1,7 +1,7 @@
 //! Colours that survive colour-blindness and grey printing: two colour maps and a categorical set.
 //!
-//! `viridis` (Smith and van der Walt, public domain) for magnitudes: evenly rising lightness. `vik` (Crameri 2018, Scientific
-//! colour maps, MIT) for signed differences: blue below, brown above, lightest at zero. The categorical colours are those of Okabe
+//! `viridis` (Smith and van der Walt, public domain) for magnitudes: evenly rising lightness. `vik` (Scientific colour maps,
+//! © Fabio Crameri, MIT licence) for signed differences: blue below, brown above, lightest at zero. The categorical colours are those of Okabe
 //! and Ito (2008). Tables hold every eighth of the 256 entries, linear in between.
 
 use crate::picture::Srgb;

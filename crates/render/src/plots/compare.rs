@@ -84,7 +84,9 @@ pub fn compare_tables(m: &Measured, model: &Measured, options: &Compare) -> Pict
     let y = top + strip::ABOVE + tall + strip::BELOW + 12.0;
     let middle = area(1.0);
     bar.draw_lying(&mut canvas, Area::new(middle.x + 4.0, y, WIDE - 8.0, 9.0));
-    legend::draw(&mut canvas, (strip::LEFT, y + 4.0), WIDE, &[(Key::Hatched, "no value".into())]);
+    if (0..m.grid.len()).any(|i| difference(i).is_none()) {
+        legend::draw(&mut canvas, (strip::LEFT, y + 4.0), WIDE, &[(Key::Hatched, "no value".into())]);
+    }
     let note = [(Key::Patch([255; 3]), format!("white: πf = 1{averaged}"))];
     legend::draw(&mut canvas, (area(2.0).x, y + 4.0), WIDE, &note);
     canvas.finish()

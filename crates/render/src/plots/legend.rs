@@ -50,7 +50,7 @@ fn draw_key(canvas: &mut Canvas, key: Key, (x, y): At) {
             }
         }
         Key::Hatched => {
-            canvas.paint(Area::new(x + 2.0, y - 5.0, 12.0, 10.0), 3, |u, v| Some(hatch(u * 12.0, v * 10.0)))
+            canvas.paint(Area::new(x + 2.0, y - 5.0, 12.0, 10.0), 3, |u, v| Some(hatch(u * 12.0, v * 10.0)));
         }
         Key::Line(c) => canvas.line((x, y), (x + KEY, y), 1.6, c),
         Key::Dashed(c) => canvas.dashed(&[(x, y), (x + KEY, y)], 1.4, 4.0, 2.5, c),

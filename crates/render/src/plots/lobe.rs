@@ -7,7 +7,7 @@ use gonio_brdf::{Brdf, Flag, Grid, Measured, Rgb, average};
 use gonio_optics::colour;
 
 use super::axis::{Scale, short};
-use super::cells::{bin, nearest, value};
+use super::cells::{nearest, value};
 use super::legend::{self, Key};
 use super::unfolded::title;
 use crate::draw::canvas::{Area, At, Canvas};
@@ -145,12 +145,13 @@ fn chosen(grid: &Grid, wanted: &[f64]) -> Vec<usize> {
     places
 }
 
-/// The two azimuths of the plane of incidence with the sign of θo on their side.
+/// The two azimuths of the plane of incidence with the sign of θo on their side: the nearest nodes, none when they are more than 10° off.
 fn sides(grid: &Grid) -> Vec<(f64, usize)> {
-    [(-1.0, 0.0), (1.0, 180.0)]
-        .into_iter()
-        .filter_map(|(sign, phi)| Some((sign, bin(&grid.phi_deg, phi)?)))
-        .collect()
+    let side = |sign: f64, phi: f64| {
+        let k = nearest(&grid.phi_deg, phi)?;
+        (grid.phi_deg.get(k)? - phi).abs().le(&10.0).then_some((sign, k))
+    };
+    [side(-1.0, 0.0), side(1.0, 180.0)].into_iter().flatten().collect()
 }
 
 fn points(m: &Measured, ti: usize, channel: Channel) -> Vec<Point> {
@@ -179,6 +180,7 @@ fn trace(m: &Measured, ti: usize, brdf: &dyn Brdf, channel: Channel) -> Vec<(f64
     for (sign, phi) in sides(&m.grid) {
         let (p, q) = m.grid.phi_bounds(phi);
         let (p, q) = (p.degrees(), q.degrees());
+        let middle = m.grid.phi_deg.get(phi).copied().unwrap_or(0.0);
         let steps = (last * 2.0).floor().clamp(0.0, 180.0) as u32;
         let side = (0..=steps).map(|k| {
             let theta_o = f64::from(k) * 0.5;
@@ -191,7 +193,6 @@ fn trace(m: &Measured, ti: usize, brdf: &dyn Brdf, channel: Channel) -> Vec<(f64
             // the cell at θo = 0 is a cap: its azimuths close up over half a bin
             let open = if half > 0.0 { (theta_o / half).min(1.0) } else { 1.0 };
             let (p, q) = (p * open, q + (180.0 - q) * (1.0 - open));
-            let middle = 90.0 * (1.0 + sign);
             // bounds lie halfway to the neighbours: choose neighbours that put them where they belong
             let cell = Grid {
                 theta_i_deg: vec![theta_i],

@@ -35,6 +35,7 @@ pub(crate) fn height(grid: &Grid) -> f64 {
 
 /// Draws the panels with their upper edge at `top`; `None` from `colour` is hatched.
 pub(crate) fn draw(canvas: &mut Canvas, top: f64, grid: &Grid, colour: &dyn Fn(usize) -> Option<Srgb>) {
+    let colours: Vec<Option<Srgb>> = (0..grid.len()).map(colour).collect();
     for (k, ti) in picked(grid).into_iter().enumerate() {
         let x = MARGIN + (k % COLUMNS) as f64 * CELL;
         let y = top + (k / COLUMNS) as f64 * (CELL + LABEL - 8.0);
@@ -45,7 +46,7 @@ pub(crate) fn draw(canvas: &mut Canvas, top: f64, grid: &Grid, colour: &dyn Fn(u
             &format!("θᵢ {}°", short(theta_i)),
             &Text::new(10.0, INK).bold().at(Anchor::Start, Anchor::Start),
         );
-        hemisphere(canvas, disc, grid, ti, theta_i, colour);
+        hemisphere(canvas, disc, grid, ti, theta_i, &colours);
     }
 }
 
@@ -55,7 +56,7 @@ fn hemisphere(
     grid: &Grid,
     ti: usize,
     theta_i: f64,
-    colour: &dyn Fn(usize) -> Option<Srgb>,
+    colours: &[Option<Srgb>],
 ) {
     canvas.paint(disc, 3, |u, v| {
         // light from the left: φ = 0 points towards −x on the page
@@ -66,7 +67,7 @@ fn hemisphere(
         }
         let to = bin(&grid.theta_o_deg, 90.0 * r);
         let phi = bin(&grid.phi_deg, folded(&grid.phi_deg, y.atan2(x).to_degrees()));
-        let found = to.zip(phi).and_then(|(to, phi)| colour(grid.index(ti, to, phi)));
+        let found = to.zip(phi).and_then(|(to, phi)| *colours.get(grid.index(ti, to, phi))?);
         Some(found.unwrap_or_else(|| hatch(u * disc.w, v * disc.h)))
     });
     let radius = 0.5 * disc.w;

@@ -31,12 +31,13 @@ pub(crate) fn heights(grid: &Grid) -> (f64, f64) {
 /// Draws the strip into `area` (its height from [`heights`]); `None` from `colour` is hatched.
 pub(crate) fn draw(canvas: &mut Canvas, area: Area, grid: &Grid, colour: &dyn Fn(usize) -> Option<Srgb>) {
     let (block, _) = heights(grid);
+    let colours: Vec<Option<Srgb>> = (0..grid.len()).map(colour).collect();
     for ti in 0..grid.theta_i_deg.len() {
         let a = Area::new(area.x, area.y + ti as f64 * (block + GAP), area.w, block);
         canvas.paint(a, 1, |u, v| {
             let to = bin(&grid.theta_o_deg, 90.0 * v);
             let phi = bin(&grid.phi_deg, folded(&grid.phi_deg, 360.0 * u));
-            let found = to.zip(phi).and_then(|(to, phi)| colour(grid.index(ti, to, phi)));
+            let found = to.zip(phi).and_then(|(to, phi)| *colours.get(grid.index(ti, to, phi))?);
             Some(found.unwrap_or_else(|| hatch(u * a.w, v * a.h)))
         });
     }

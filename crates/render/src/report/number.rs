@@ -8,7 +8,7 @@ pub fn plus_minus(value: f64, sigma: Option<f64>) -> String {
         Some(s) if s > 0.0 && s.is_finite() && value.is_finite() => {
             let place = place_of(s) - 1;
             let largest = value.abs().max(s);
-            if largest >= 1e6 || largest < 1e-4 {
+            if !(1e-4..1e6).contains(&largest) {
                 let e = place_of(largest);
                 let scale = 10f64.powi(e);
                 let decimals = (e - place).clamp(0, 15) as usize;

@@ -81,6 +81,9 @@ pub struct SphereComparison {
     pub linear: Vec<[LinearImage; 2]>,
 }
 
+/// A lighting, both balls and the ΔE of every pixel.
+type Row<'a> = (&'a Lighting, [LinearImage; 2], Vec<Option<f64>>);
+
 const GAP: f64 = 12.0;
 const LEFT: f64 = 34.0;
 
@@ -89,7 +92,7 @@ const LEFT: f64 = 34.0;
 #[must_use]
 pub fn spheres(data: &dyn Brdf, fit: &dyn Brdf, options: &Spheres) -> SphereComparison {
     let size = f64::from(options.size.clamp(32, 1024));
-    let rows: Vec<(&Lighting, [LinearImage; 2], Vec<Option<f64>>)> = options
+    let rows: Vec<Row<'_>> = options
         .rows
         .iter()
         .map(|row| {

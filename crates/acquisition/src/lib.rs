@@ -7,27 +7,36 @@
 //!
 //! Left to others: which device stands behind `Stage` and `Camera`, how a session is written, and what is fitted to the table.
 
+pub mod bracket;
 pub mod cells;
 pub mod dark;
+pub mod engine;
 pub mod error;
 pub mod fill;
 pub mod footprint;
 pub mod holder;
+pub mod journal;
+mod local_fit;
 pub mod merge;
 pub mod optics;
 pub mod options;
 pub mod pixel_map;
 pub mod reducer;
 pub mod reference;
+pub mod reference_plan;
 pub mod row;
+pub mod runner;
 pub mod sensor;
 pub mod statistics;
 pub mod table;
 pub mod weights;
 
+pub use engine::{Engine, Outcome, Phase, Progress, Setup};
 pub use error::AcquisitionError;
+pub use journal::Journal;
 pub use options::Options;
 pub use pixel_map::PixelMap;
 pub use reducer::Reducer;
 pub use reference::{WhiteBuilder, WhiteReference};
+pub use runner::{Observer, run};
 pub use statistics::PoseStatistics;

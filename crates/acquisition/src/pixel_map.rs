@@ -142,21 +142,45 @@ impl PixelMap {
         (Rotation::from_axes(x, n.cross(x), n), l.angle_to(n))
     }
 
+    /// What decides at a pose read back which pixels see the sample.
+    #[must_use]
+    pub fn visibility(&self, pose: Pose) -> Visibility<'_> {
+        Visibility {
+            map: self,
+            holder: Holder::new(&self.description, &self.optics, pose.tilt),
+            normal: self.optics.normal(pose.tilt),
+        }
+    }
+
     /// What the sensor sees at a pose read back.
     #[must_use]
     pub fn view(&self, pose: Pose) -> PoseView {
         let (sample_from_lab, theta_i) = self.frame(pose);
-        let holder = Holder::new(&self.description, &self.optics, pose.tilt);
-        let n = self.optics.normal(pose.tilt);
+        let visibility = self.visibility(pose);
         let visible = (0..self.mirror.len())
             .into_par_iter()
             .with_min_len(4096)
-            .map(|i| {
-                let m = self.mirror[i];
-                self.clear[i] && m.dot(n) > 0.0 && !holder.hides(m)
-            })
+            .map(|i| visibility.cos_view(i).is_some_and(|c| c > 0.0))
             .collect();
         PoseView { sample_from_lab, theta_i, visible }
+    }
+}
+
+/// Which pixels see the sample at one pose.
+#[derive(Clone, Debug)]
+pub struct Visibility<'a> {
+    map: &'a PixelMap,
+    holder: Holder,
+    normal: Vec3,
+}
+
+impl Visibility<'_> {
+    /// Cosine of the polar viewing angle of a pixel; `None` where nothing of the sample is seen.
+    #[must_use]
+    pub fn cos_view(&self, pixel: usize) -> Option<f64> {
+        let m = self.map.mirror[pixel];
+        let along = m.dot(self.normal);
+        (self.map.clear[pixel] && along > 0.0 && !self.holder.hides(m)).then(|| along / m.norm())
     }
 }
 

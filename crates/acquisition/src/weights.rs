@@ -4,7 +4,7 @@
 //! covers. In every part the radiance of a colour is taken from that colour's own pixels around it by cubic interpolation
 //! (Keys) at the part's centroid, which is linear in the pixels: summing over the elements of a bin leaves one weight per
 //! pixel and cell. The colours' coarse lattices therefore do not broaden a lobe as nearest-tile splatting does
-//! (by h²/12, h up to 0.76°); beside the edge of what is visible, interpolation is linear.
+//! (by h²/12, h up to 0.76°). Beside the edge of what is visible a surface fitted to the neighbours left takes its place.
 //!
 //! Green is two lattices of the pitch of red and blue; each counts half.
 //!
@@ -15,6 +15,7 @@ use gonio_brdf::Grid;
 use gonio_optics::Vec3;
 use rayon::prelude::*;
 
+use crate::local_fit::{self, Neighbour};
 use crate::pixel_map::{PixelMap, PoseView};
 
 /// Weights of one pose.
@@ -323,16 +324,6 @@ impl Taps<'_> {
         all
     }
 
-    fn visible_share(&self, kernel: &Kernel) -> f64 {
-        let mut sum = 0.0;
-        self.each(kernel, |w, p| {
-            if p.is_some_and(|p| self.visible[p]) {
-                sum += w;
-            }
-        });
-        sum
-    }
-
     fn scatter(&self, kernel: &Kernel, amount: f64, scratch: &mut [f32], touched: &mut Vec<u32>) {
         self.each(kernel, |w, p| {
             if let Some(p) = p.filter(|&p| self.visible[p]) {
@@ -342,6 +333,38 @@ impl Taps<'_> {
                 scratch[p] += (amount * w) as f32;
             }
         });
+    }
+}
+
+impl Taps<'_> {
+    /// Beside an edge: the surface fitted to the neighbours that are visible.
+    fn scatter_fitted(&self, [tx, ty]: [f64; 2], amount: f64, scratch: &mut [f32], touched: &mut Vec<u32>) {
+        let mut found = [(0usize, Neighbour::default()); 16];
+        let mut n = 0;
+        for j in 0..4 {
+            for i in 0..4 {
+                let (column, row) = (self.x0 + 2 * i, self.y0 + 2 * j);
+                if row < 0 || row >= self.h || column < 0 || column >= self.w {
+                    continue;
+                }
+                let p = (row * self.w + column) as usize;
+                if self.visible[p] {
+                    let (x, y) = (i as f64 - 1.0 - tx, j as f64 - 1.0 - ty);
+                    found[n] = (p, Neighbour { x, y, weight: 0.0 });
+                    n += 1;
+                }
+            }
+        }
+        let mut neighbours = found.map(|f| f.1);
+        if !local_fit::weigh(&mut neighbours[..n]) {
+            return;
+        }
+        for ((p, _), neighbour) in found.iter().zip(&neighbours).take(n) {
+            if scratch[*p] == 0.0 {
+                touched.push(*p as u32);
+            }
+            scratch[*p] += (amount * neighbour.weight) as f32;
+        }
     }
 }
 
@@ -374,12 +397,7 @@ fn gather(
                 taps.scatter(&keys, amount, scratch, touched);
                 continue;
             }
-            // beside an edge: linear, and where neighbours are missing those left stand for all
-            let linear = ([0.0, 1.0 - tx, tx, 0.0], [0.0, 1.0 - ty, ty, 0.0]);
-            let got = taps.visible_share(&linear);
-            if got > 1e-3 {
-                taps.scatter(&linear, amount / got, scratch, touched);
-            }
+            taps.scatter_fitted([tx, ty], amount, scratch, touched);
         }
     }
     touched.sort_unstable();

@@ -1,0 +1,87 @@
+//! What a scan is told before it begins.
+
+use std::collections::BTreeSet;
+use std::time::Duration;
+
+use gonio_instrument::{CameraInfo, Description, Plan, Pose, ScanKind, Sensors};
+
+use super::bracketing::dark_exposures;
+use super::preflight::{self, PreflightError};
+
+/// Largest departure of the sample's surface from F1, mm: the spot must stay within the pixels' footprints.
+pub const HEIGHT_TOLERANCE_MM: f64 = 0.2;
+
+/// Everything the engine knows of the scan.
+#[derive(Clone, Debug)]
+pub struct Setup {
+    /// The instrument.
+    pub instrument: Description,
+    /// The plan as it came.
+    pub plan: Plan,
+    /// The camera that answered.
+    pub camera: CameraInfo,
+    /// What is scanned.
+    pub kind: ScanKind,
+    /// Poses in the order of the plan.
+    pub poses: Vec<Pose>,
+    /// Poses that an earlier run has measured.
+    pub done: BTreeSet<u32>,
+    /// Shortest and longest exposure, s.
+    pub exposure_s: [f64; 2],
+    /// Most exposures of a bracket.
+    pub max_exposures: u32,
+    /// How often each is repeated.
+    pub repeats: u32,
+    /// Exposure from which the first bracket begins.
+    pub first_exposure: Duration,
+    /// Dark frames, taken at the plan's first pose (at every pose of a dark scan).
+    pub dark_exposures: Vec<Duration>,
+    /// Largest departure of the sample's surface from F1, mm.
+    pub height_tolerance_mm: f64,
+}
+
+impl Setup {
+    /// The usual scan of a plan.
+    #[must_use]
+    pub fn new(instrument: Description, plan: Plan, camera: CameraInfo, kind: ScanKind) -> Self {
+        let exposure_s = instrument.camera.exposure_s;
+        let middle = (exposure_s[0] * exposure_s[1]).sqrt().min(0.01);
+        Self {
+            poses: plan.poses(),
+            done: BTreeSet::new(),
+            exposure_s,
+            max_exposures: plan.max_exposures,
+            repeats: plan.repeats.max(1),
+            first_exposure: Duration::from_secs_f64(middle.clamp(exposure_s[0], exposure_s[1])),
+            dark_exposures: dark_exposures(exposure_s),
+            height_tolerance_mm: HEIGHT_TOLERANCE_MM,
+            instrument,
+            plan,
+            camera,
+            kind,
+        }
+    }
+
+    /// Poses already measured are not taken again.
+    #[must_use]
+    pub fn resuming(mut self, done: BTreeSet<u32>) -> Self {
+        self.done = done;
+        self
+    }
+
+    /// What can be checked without asking the device anything.
+    ///
+    /// # Errors
+    /// [`PreflightError`].
+    pub fn check(&self) -> Result<(), PreflightError> {
+        preflight::check(&self.instrument, &self.plan, &self.camera)
+    }
+
+    /// What the sensors must say.
+    ///
+    /// # Errors
+    /// [`PreflightError`].
+    pub fn check_sensors(&self, sensors: &Sensors) -> Result<(), PreflightError> {
+        preflight::check_sensors(sensors, self.height_tolerance_mm)
+    }
+}

@@ -1,0 +1,101 @@
+//! Plans of reference scans: few tilts of the white that together calibrate every pixel a sample scan will use.
+
+use gonio_instrument::{Plan, Pose};
+
+use crate::pixel_map::PixelMap;
+use crate::reference::WHITE_LIMIT_DEG;
+
+/// Only every so many pixels along each side decide: coverage has no finer structure.
+const STRIDE: usize = 5;
+/// The white is not scanned at steeper incidence than this, degrees: its light grows weak.
+const STEEPEST_DEG: f64 = 65.0;
+/// Most tilts of a white scan.
+const MOST: usize = 6;
+
+/// A white scan for the sample plan `sample`: greedily the tilt that calibrates most of what is still missing.
+///
+/// A pixel that a sample pose uses (θo up to 77°) counts as covered when a white pose sees the reference with it below that angle.
+#[must_use]
+pub fn white_plan(map: &PixelMap, sample: &Plan) -> Plan {
+    let d = map.description();
+    let [low, high] = d.holder.tilt_limits_deg;
+    let limit = WHITE_LIMIT_DEG.to_radians().cos();
+    let (w, h) = (map.width(), map.height());
+    let stride = STRIDE.min(w / 32).max(1);
+    let pixels: Vec<usize> =
+        (0..h).step_by(stride).flat_map(|y| (0..w).step_by(stride).map(move |x| y * w + x)).collect();
+    let seen = |tilt: f64| -> Vec<bool> {
+        let v = map.visibility(Pose::from_degrees(tilt, 0.0));
+        pixels.iter().map(|&p| v.cos_view(p).is_some_and(|c| c > limit)).collect()
+    };
+    let mut missing = vec![false; pixels.len()];
+    for &tilt in &sample.tilt_deg {
+        for (m, s) in missing.iter_mut().zip(seen(tilt)) {
+            *m |= s;
+        }
+    }
+    let mut candidates: Vec<(f64, Vec<bool>)> = (0..=13)
+        .map(|k| f64::from(k) * 5.0)
+        .filter(|t| (low.max(-STEEPEST_DEG)..=high.min(STEEPEST_DEG)).contains(t))
+        .map(|t| (t, seen(t)))
+        .collect();
+    let mut tilts = Vec::new();
+    while tilts.len() < MOST && missing.contains(&true) {
+        let gain = |s: &[bool]| s.iter().zip(&missing).filter(|(s, m)| **s && **m).count();
+        let best = candidates
+            .iter()
+            .enumerate()
+            // of equals the smaller tilt: more light
+            .max_by_key(|(k, (_, s))| (gain(s), std::cmp::Reverse(*k)))
+            .map(|(k, (_, s))| (k, gain(s)));
+        let Some((k, 1..)) = best else { break };
+        let (tilt, s) = candidates.swap_remove(k);
+        for (m, s) in missing.iter_mut().zip(s) {
+            *m &= !s;
+        }
+        candidates.sort_by(|a, b| a.0.total_cmp(&b.0));
+        tilts.push(tilt);
+    }
+    if tilts.is_empty() {
+        tilts.push(0.0f64.clamp(low, high));
+    }
+    tilts.sort_by(f64::total_cmp);
+    Plan { tilt_deg: tilts, spin_deg: vec![0.0], repeats: 4, ..sample.clone() }
+}
+
+/// A dark scan: one pose, shutter closed.
+#[must_use]
+pub fn dark_plan(sample: &Plan) -> Plan {
+    let tilt = sample.tilt_deg.first().copied().unwrap_or(0.0);
+    Plan { tilt_deg: vec![tilt], spin_deg: vec![0.0], ..sample.clone() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use gonio_instrument::builtin;
+
+    #[test]
+    fn a_few_white_tilts_cover_every_pixel_that_the_sample_plan_uses() {
+        for name in ["tiny", "reference"] {
+            let d = builtin::description(name).expect("known").expect("readable");
+            let map = PixelMap::new(&d);
+            let plan = white_plan(&map, &d.plan);
+            assert!(plan.tilt_deg.len() <= MOST && plan.check(&d).is_ok(), "{:?}", plan.tilt_deg);
+            let limit = WHITE_LIMIT_DEG.to_radians().cos();
+            let sees = |tilt: &f64, p: usize| {
+                map.visibility(Pose::from_degrees(*tilt, 0.0)).cos_view(p).is_some_and(|c| c > limit)
+            };
+            let step = map.width() * map.height() / 1000 + 1;
+            for p in (0..map.width() * map.height()).step_by(step) {
+                if d.plan.tilt_deg.iter().any(|t| sees(t, p)) {
+                    assert!(
+                        plan.tilt_deg.iter().any(|t| sees(t, p)),
+                        "{name}: pixel {p}, {:?}",
+                        plan.tilt_deg
+                    );
+                }
+            }
+        }
+    }
+}

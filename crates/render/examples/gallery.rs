@@ -104,7 +104,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             spheres(&KnownCells::new(table), *model, &Spheres { title: title.clone(), ..Spheres::default() });
         save("spheres", &balls.picture)?;
         if *name == "paint" {
-            report(dir, table, *model, balls.picture.clone())?;
+            report(dir, table, model, balls.picture.clone())?;
         }
         save("coverage", &plots::coverage(table, &title))?;
         save("sigma", &plots::sigma(table, &title))?;

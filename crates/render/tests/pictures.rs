@@ -118,7 +118,7 @@ fn awkward_tables_give_pictures_too() {
         ("short", short),
     ] {
         for (k, p) in all(&table, &PAINT).iter().enumerate() {
-            assert!(p.width() > 300 && p.to_png().is_ok(), "{name} {k}");
+            assert!(p.width() > 300 && p.height() > 100, "{name} {k}");
         }
     }
 }

@@ -347,7 +347,7 @@ mod tests {
             (dark.iter().map(|d| d.0).min().unwrap(), dark.iter().map(|d| d.0).max().unwrap());
         let (top, bottom) =
             (dark.iter().map(|d| d.1).min().unwrap(), dark.iter().map(|d| d.1).max().unwrap());
-        assert!(right <= 100 && right >= 95 && left > 60, "{left} {right}");
+        assert!((95..=100).contains(&right) && left > 60, "{left} {right}");
         // capitals are 0.729 em high and centred on the line
         assert!((f64::from(bottom - top + 1) - 0.729 * 24.0).abs() < 1.6, "{top} {bottom}");
         assert!((f64::from(top + bottom) * 0.5 - 29.5).abs() < 1.0, "{top} {bottom}");

@@ -58,7 +58,7 @@ fn hemisphere(
     theta_i: f64,
     colours: &[Option<Srgb>],
 ) {
-    canvas.paint(disc, 3, |u, v| {
+    canvas.paint(disc, 2, |u, v| {
         // light from the left: φ = 0 points towards −x on the page
         let (x, y) = (1.0 - 2.0 * u, 2.0 * v - 1.0);
         let r = x.hypot(y);

@@ -112,7 +112,7 @@ fn flags(table: &Measured) -> Figure {
     );
     Figure {
         name: "coverage".into(),
-        picture: coverage::coverage(table, ""),
+        picture: coverage(table, ""),
         caption: format!("What is known of every cell: {said}."),
         alt: format!("Hemispheres of flags, one for each angle of incidence: {said}."),
     }

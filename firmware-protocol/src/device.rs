@@ -10,15 +10,15 @@ use crate::hello::{Hello, Role, Serial, Version};
 use crate::host::is_emergency;
 use crate::link::{Link, Received, Statistics, WINDOW};
 use crate::message::{Command, Reason, Reply, ToDevice, ToHost, from_body, to_body};
-use crate::{PROTOCOL_VERSION, SCHEMA_HASH};
+use crate::{PROTOCOL_VERSION, SCHEMA_HASH, UNANSWERED};
 use core::time::Duration;
 
 /// Shortest time between two announcements.
 pub const ANNOUNCE_INTERVAL: Duration = Duration::from_millis(100);
 /// Commands remembered.
 pub const REMEMBERED: usize = 32;
-/// Messages that wait while the host does not acknowledge.
-const BACKLOG: usize = 16;
+/// Messages that wait while the host does not acknowledge: two replies to each unanswered command, and some faults.
+const BACKLOG: usize = 2 * UNANSWERED + 4;
 
 /// Who the device is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

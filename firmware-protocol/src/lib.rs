@@ -34,3 +34,7 @@ pub const MOTION_LEASE: core::time::Duration = core::time::Duration::from_millis
 
 /// How long the device keeps the lamp burning without hearing a heartbeat, unless configured otherwise.
 pub const LAMP_LEASE: core::time::Duration = core::time::Duration::from_secs(60);
+
+/// Commands that a host may have without a final reply. The device has room for the replies to that many while the host does not
+/// acknowledge, and remembers more than that.
+pub const UNANSWERED: usize = 8;

@@ -1,3 +1,5 @@
 //! One integration binary: a module per story.
 
 mod house;
+mod two_optics_agree;
+mod wire;

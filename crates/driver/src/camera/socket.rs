@@ -10,7 +10,7 @@ use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
-use std::sync::{Arc, Mutex, TryLockError};
+use std::sync::{Arc, Mutex, MutexGuard, TryLockError};
 use std::thread::{Builder, JoinHandle};
 use std::time::{Duration, Instant};
 
@@ -18,6 +18,8 @@ use std::time::{Duration, Instant};
 const GLANCE: Duration = Duration::from_millis(20);
 /// Longest wait beyond the exposure; tracing a pose for the first time takes seconds on a slow machine.
 const PATIENCE: Duration = Duration::from_secs(120);
+/// How long a client waits for the one before it to put the camera down.
+const HANDOVER: Duration = Duration::from_millis(500);
 /// How often the server looks whether it shall end.
 const ACCEPT_GLANCE: Duration = Duration::from_millis(20);
 
@@ -110,14 +112,6 @@ fn accept(listener: &UnixListener, camera: &Shared, stop: &AtomicBool) {
 fn serve_guest(stream: UnixStream, camera: &Shared) {
     let Ok(mut input) = stream.try_clone() else { return };
     let mut output = stream;
-    let mut camera = match camera.try_lock() {
-        Ok(camera) => camera,
-        Err(TryLockError::Poisoned(poisoned)) => poisoned.into_inner(),
-        Err(TryLockError::WouldBlock) => {
-            let _ = Message::Error(DeviceError::InUse { device: "the camera".into() }).write(&mut output);
-            return;
-        }
-    };
     let (sender, requests) = sync_channel::<(Message, Cancel)>(4);
     let reader = Builder::new().name("gonio-camera-reader".into()).spawn(move || {
         let mut current = Cancel::new();
@@ -133,7 +127,14 @@ fn serve_guest(stream: UnixStream, camera: &Shared) {
         }
         current.stop();
     });
+    let mut lent = None;
     for (message, cancel) in requests {
+        // Lent at the first question: whoever only looks whether the socket is served takes nothing.
+        let Some(camera) = lent.take().or_else(|| lend(camera)) else {
+            let _ = Message::Error(DeviceError::InUse { device: "the camera".into() }).write(&mut output);
+            break;
+        };
+        let camera = lent.insert(camera);
         let answer = match message {
             Message::AskInfo => Message::Info(camera.info()),
             Message::Capture(exposure) => match camera.capture(exposure, &cancel) {
@@ -150,6 +151,19 @@ fn serve_guest(stream: UnixStream, camera: &Shared) {
     let _ = output.shutdown(Shutdown::Both);
     if let Ok(reader) = reader {
         let _ = reader.join();
+    }
+}
+
+/// The camera, unless another guest keeps it; one that has just gone may still be putting it down.
+fn lend(camera: &Shared) -> Option<MutexGuard<'_, Box<dyn Camera>>> {
+    let start = Instant::now();
+    loop {
+        match camera.try_lock() {
+            Ok(camera) => return Some(camera),
+            Err(TryLockError::Poisoned(poisoned)) => return Some(poisoned.into_inner()),
+            Err(TryLockError::WouldBlock) if start.elapsed() < HANDOVER => std::thread::sleep(GLANCE),
+            Err(TryLockError::WouldBlock) => return None,
+        }
     }
 }
 

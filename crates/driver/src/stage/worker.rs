@@ -7,7 +7,7 @@ use gonio_instrument::{DeviceError, LinkStatistics, StageIdentity};
 use gonio_protocol::hello::{Hello, Version};
 use gonio_protocol::host::{Host, HostEvent};
 use gonio_protocol::message::{Command, Outcome};
-use gonio_protocol::{PROTOCOL_VERSION, SCHEMA_HASH};
+use gonio_protocol::{PROTOCOL_VERSION, SCHEMA_HASH, UNANSWERED};
 use std::collections::BTreeMap;
 use std::hash::{BuildHasher, RandomState};
 use std::sync::mpsc::{Receiver, SyncSender, TryRecvError};
@@ -148,7 +148,9 @@ impl Worker {
     }
 
     fn send_commands(&mut self) {
-        for (&id, outstanding) in self.outstanding.iter_mut().filter(|(_, o)| !o.sent) {
+        // The oldest ones only: the device keeps replies for no more while the line is bad.
+        let allowed = self.outstanding.iter_mut().take(UNANSWERED);
+        for (&id, outstanding) in allowed.filter(|(_, o)| !o.sent) {
             if self.host.command(id, outstanding.command).is_err() {
                 return;
             }

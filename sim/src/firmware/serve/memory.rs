@@ -5,8 +5,8 @@ use crate::firmware::Firmware;
 use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
-use std::time::Instant;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::time::{Duration, Instant};
 
 /// Blocks of bytes that fit into a channel.
 const DEPTH: usize = 256;
@@ -20,7 +20,8 @@ pub struct Line {
     pub from_device: Receiver<Vec<u8>>,
 }
 
-/// Runs the firmware on a thread; it ends when the line's sender or the returned handle is dropped.
+/// Runs the firmware on a thread; it ends when the returned handle is dropped, not with the line:
+/// a device whose cable is pulled makes itself safe.
 ///
 /// # Errors
 /// The thread cannot be started.
@@ -45,17 +46,16 @@ fn run(mut firmware: Firmware, input: &Receiver<Vec<u8>>, output: &SyncSender<Ve
         }
         firmware.poll(start.elapsed(), &mut out);
         if !out.is_empty() {
-            match output.try_send(std::mem::take(&mut out)) {
-                // A reader that is too slow loses bytes, as on a real line; the link repeats them.
-                Ok(()) | Err(TrySendError::Full(_)) => {}
-                Err(TrySendError::Disconnected(_)) => return,
-            }
+            // A reader that is too slow, or gone, loses bytes, as on a real line.
+            let _ = output.try_send(std::mem::take(&mut out));
         }
         let now = start.elapsed();
-        match input.recv_timeout(firmware.next_timeout(now).saturating_sub(now)) {
+        let sleep = firmware.next_timeout(now).saturating_sub(now);
+        match input.recv_timeout(sleep) {
             Ok(bytes) => firmware.receive(start.elapsed(), &bytes),
             Err(RecvTimeoutError::Timeout) => {}
-            Err(RecvTimeoutError::Disconnected) => return,
+            // Nobody will ever send again; the device goes on, and makes itself safe.
+            Err(RecvTimeoutError::Disconnected) => std::thread::sleep(sleep.max(Duration::from_millis(1))),
         }
     }
 }

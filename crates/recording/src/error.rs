@@ -17,6 +17,12 @@ pub enum RecordingError {
         /// The file.
         path: PathBuf,
     },
+    /// The folder of an output is not there.
+    #[error("{} cannot be created: its folder is not there; make the folder or choose another place", path.display())]
+    NoFolder {
+        /// The file.
+        path: PathBuf,
+    },
     /// The user may not read or write it.
     #[error("permission to {action} {} was denied; check the owner and mode of the file and its folder", path.display())]
     Denied {
@@ -170,6 +176,7 @@ impl RecordingError {
         let path = path.to_owned();
         match e.kind() {
             NotFound if action == "open" => Self::Absent { path },
+            NotFound if action == "create" => Self::NoFolder { path },
             AlreadyExists => Self::Exists { path },
             PermissionDenied | ReadOnlyFilesystem => {
                 let action = if matches!(action, "open" | "read") { "read" } else { "write" };

@@ -27,3 +27,96 @@ impl Medium for File {
         self.seek(SeekFrom::Start(length)).map(|_| ())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::io::{Error, ErrorKind};
+    use std::path::Path;
+    use std::sync::{Arc, Mutex};
+    use std::time::Duration;
+
+    use gonio_instrument::{Exposure, Frame, Pose};
+
+    use super::*;
+    use crate::segment_writer::SegmentWriter;
+    use crate::writer::{Clock, Level, Writer};
+    use crate::{RecordingError, Session};
+
+    /// A disk of a given size.
+    struct SmallDisk {
+        bytes: Arc<Mutex<Vec<u8>>>,
+        size: usize,
+    }
+
+    impl Medium for SmallDisk {
+        fn append(&mut self, bytes: &[u8]) -> std::io::Result<()> {
+            let mut disk = self.bytes.lock().expect("not poisoned");
+            let room = (self.size - disk.len()).min(bytes.len());
+            disk.extend_from_slice(&bytes[..room]);
+            if room < bytes.len() { Err(Error::from(ErrorKind::StorageFull)) } else { Ok(()) }
+        }
+
+        fn sync(&mut self) -> std::io::Result<()> {
+            Ok(())
+        }
+
+        fn cut(&mut self, length: u64) -> std::io::Result<()> {
+            self.bytes.lock().expect("not poisoned").truncate(length as usize);
+            Ok(())
+        }
+    }
+
+    fn record(w: &mut Writer, index: u32, size: u32) -> Result<u64, RecordingError> {
+        w.begin_pose(index, Pose::default(), Pose::default())?;
+        let mut x = 1u64 + u64::from(index);
+        let pixels = (0..size * size)
+            .map(|_| {
+                x = x.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+                (x >> 48) as u16
+            })
+            .collect();
+        w.frame(&Exposure {
+            frame: Frame {
+                width: size,
+                height: size,
+                pixels,
+                exposure: Duration::from_millis(1),
+                sequence: 0,
+                stamp: Duration::ZERO,
+                sensor_temperature_c: None,
+            },
+            lamp_monitor: 1.0,
+            shutter_open: true,
+        })?;
+        w.end_pose()
+    }
+
+    #[test]
+    fn a_full_disk_costs_the_pose_that_did_not_fit_and_no_other() {
+        let instrument = gonio_instrument::builtin::description("tiny").expect("built in").expect("readable");
+        let header = crate::Header::new(instrument.clone(), instrument.plan, Default::default());
+        let record_0 = crate::SessionRecord::new(&header, 1, Duration::ZERO).expect("made");
+        let attachments = crate::header::attachments(&header, &record_0).expect("made");
+        let bytes = Arc::new(Mutex::new(Vec::new()));
+        let disk = SmallDisk { bytes: Arc::clone(&bytes), size: 100_000 };
+        let path = Path::new("small.mcap");
+        let segment = SegmentWriter::create(Box::new(disk), path, &attachments, 0).expect("fits");
+        let clock = Clock::Steps { start: Duration::ZERO, step: Duration::from_millis(1) };
+        let mut w = Writer::over(segment, path, 1, clock);
+        let first = record(&mut w, 0, 64).expect("fits");
+        record(&mut w, 1, 64).expect("fits");
+        // 2 × 256² bytes of noise are more than the disk
+        let full = record(&mut w, 2, 256).expect_err("does not fit");
+        assert!(matches!(full, RecordingError::DiskFull { written, .. } if written > first), "{full}");
+        assert!(full.to_string().contains("--resume"), "{full}");
+        assert_eq!(w.event(Duration::ZERO, Level::Error, "?").expect_err("told again"), full);
+        assert_eq!(w.finish().expect_err("told at the end"), full);
+        let dir = tempfile::tempdir().expect("a folder");
+        let file = dir.path().join("s.mcap");
+        std::fs::write(&file, &*bytes.lock().expect("not poisoned")).expect("written");
+        let s = Session::open(&file).expect("opens");
+        assert!(s.finished(), "closed all the same");
+        assert_eq!(s.poses().map(|p| p.expect("whole").index).collect::<Vec<_>>(), [0, 1]);
+        assert_eq!(crate::verify(&file).expect("readable").findings, []);
+    }
+}

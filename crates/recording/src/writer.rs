@@ -441,23 +441,30 @@ fn sync_folder(path: &Path) {
 
 /// The journal's thread. After the first failure it takes no more poses, but still closes the file.
 fn work(mut segment: SegmentWriter, receiver: &Receiver<Command>, failure: &Mutex<Option<RecordingError>>) {
-    let mut broken = false;
+    let broken = std::cell::Cell::new(false);
     for command in receiver {
+        // the failure is noted before the answer goes out: the caller's next call must find it
+        let note = |result: Result<u64, RecordingError>| {
+            if let Err(e) = &result {
+                broken.set(true);
+                failure.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert_with(|| e.clone());
+            }
+            result
+        };
         let result = match command {
             Command::Finish(t, reply) => {
-                let result = if broken { segment.close() } else { segment.finish(t) };
+                let result = if broken.get() { segment.close() } else { segment.finish(t) };
                 let _ = reply.send(result);
                 return;
             }
             Command::Abandon => return,
-            Command::End(t, reply) if !broken => {
-                let result = segment.end_pose(t).map(|()| segment.sealed_bytes());
-                let _ = reply.send(result.clone());
-                result.map(|_| ())
+            // a caller who waits for an answer finds the failure instead
+            _ if broken.get() => continue,
+            Command::End(t, reply) => {
+                let result = note(segment.end_pose(t).map(|()| segment.sealed_bytes()));
+                let _ = reply.send(result);
+                continue;
             }
-            // the caller finds the failure where it looks for the answer
-            _ if broken => Ok(()),
-            Command::End(..) => Ok(()),
             Command::Message(topic, t, payload) => segment.message(topic, t, &payload),
             Command::Event(t, level, text) => segment.event(t, level as i32, &text),
             Command::Begin(t, index, commanded, readback) => {
@@ -466,9 +473,6 @@ fn work(mut segment: SegmentWriter, receiver: &Receiver<Command>, failure: &Mute
             Command::Frame(t, data, info) => segment.frame(t, data, info),
             Command::GiveUp(t) => segment.give_up_pose(t),
         };
-        if let Err(e) = result {
-            broken = true;
-            failure.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(e);
-        }
+        let _ = note(result.map(|()| 0));
     }
 }

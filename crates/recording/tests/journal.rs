@@ -5,7 +5,10 @@ mod made;
 use std::time::Duration;
 
 use gonio_instrument::{Camera as _, Cancel, Stage as _};
-use gonio_recording::{Direction, Level, RecordingError, Session, Writer, WriterOptions, replay};
+use gonio_recording::{
+    Direction, Level, RecordingError, Session, Writer, WriterOptions, check_space, free_space, replay,
+    space_needed,
+};
 use made::{exposure, header, options, pose, write};
 
 #[test]
@@ -126,4 +129,23 @@ fn a_replay_answers_as_the_devices_did() {
     }
     assert!(stage.move_to(pose(7), &cancel).expect_err("not planned").to_string().contains("holds no pose"));
     assert!(camera.capture(Duration::from_secs(9), &cancel).is_err());
+}
+
+#[test]
+fn an_output_that_cannot_be_written_says_why() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let path = dir.path().join("no").join("s.mcap");
+    let e = Writer::create(&path, &header(), options()).expect_err("no folder");
+    assert_eq!(e, RecordingError::NoFolder { path });
+    let e = Writer::create(dir.path(), &header(), WriterOptions { overwrite: true, ..options() });
+    assert!(matches!(e, Err(RecordingError::Io { .. })), "a folder is no file");
+    let camera = header().instrument.camera;
+    let plan = header().plan;
+    let needed = space_needed(&plan, &camera);
+    // 12 poses of 12 exposures of 160 × 128 pixels
+    assert!(needed > 12 * 12 * 160 * 128 * 2);
+    assert!(free_space(&dir.path().join("s.mcap")).expect("known") > 0);
+    let endless = gonio_instrument::Plan { repeats: u32::MAX, ..plan };
+    let e = check_space(&dir.path().join("s.mcap"), &endless, &camera).expect_err("no disk is so large");
+    assert!(matches!(e, RecordingError::NotEnoughSpace { needed: n, free, .. } if n > free), "{e}");
 }

@@ -67,7 +67,7 @@ pub fn exposure(width: u32, height: u32, pose: u32, number: u32) -> Exposure {
             exposure: Duration::from_nanos(20_000 << (2 * number)),
             sequence: u64::from(pose * 10 + number),
             stamp: Duration::from_millis(u64::from(pose * 100 + number * 3)),
-            sensor_temperature_c: (number % 2 == 0).then_some(21.7 + f64::from(number) / 3.0),
+            sensor_temperature_c: number.is_multiple_of(2).then_some(21.7 + f64::from(number) / 3.0),
         },
         lamp_monitor: 1.0 + f64::from(pose) / 300.0 + f64::from(number) / 7000.0,
         shutter_open: number % 3 != 2,

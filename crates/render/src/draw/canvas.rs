@@ -4,6 +4,8 @@ use ab_glyph::{Point, point};
 use ab_glyph_rasterizer::Rasterizer;
 
 use super::font;
+pub(crate) use super::shape::{Area, At};
+use super::shape::{circle, thick};
 use super::text::{Anchor, Text};
 use crate::picture::{Picture, Srgb};
 
@@ -12,36 +14,6 @@ pub(crate) const PIXELS_PER_POINT: f64 = 2.0;
 
 /// Height of capitals of the embedded font, in ems.
 const CAP_HEIGHT: f64 = 0.729;
-
-/// A position in points: x to the right, y down, from the upper left corner.
-pub(crate) type At = (f64, f64);
-
-/// An axis-parallel box in points.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Area {
-    pub x: f64,
-    pub y: f64,
-    pub w: f64,
-    pub h: f64,
-}
-
-impl Area {
-    pub(crate) const fn new(x: f64, y: f64, w: f64, h: f64) -> Self {
-        Self { x, y, w, h }
-    }
-
-    pub(crate) const fn right(self) -> f64 {
-        self.x + self.w
-    }
-
-    pub(crate) const fn bottom(self) -> f64 {
-        self.y + self.h
-    }
-
-    pub(crate) const fn centre(self) -> At {
-        (self.x + 0.5 * self.w, self.y + 0.5 * self.h)
-    }
-}
 
 /// A picture being drawn.
 pub(crate) struct Canvas {
@@ -203,6 +175,25 @@ impl Canvas {
             / PIXELS_PER_POINT
     }
 
+    /// Writes one line of text within a width: smaller where it is too long, down to three quarters, then cut with "…".
+    pub(crate) fn text_within(&mut self, at: At, text: &str, style: &Text, width: f64) {
+        let long = Self::text_width(text, style);
+        if long <= width {
+            return self.text(at, text, style);
+        }
+        let style = Text { size: style.size * (width / long).max(0.75), ..*style };
+        let mut kept = text.to_owned();
+        while Self::text_width(&kept, &style) > width * 1.001 && kept.chars().count() > 1 {
+            kept = kept.chars().take(kept.chars().count() - 2).chain(['…']).collect();
+        }
+        self.text(at, &kept, &style);
+    }
+
+    /// Width of the canvas in points.
+    pub(crate) fn width(&self) -> f64 {
+        f64::from(self.picture.width()) / PIXELS_PER_POINT
+    }
+
     /// Writes one line of text.
     pub(crate) fn text(&mut self, at: At, text: &str, style: &Text) {
         let px = style.size * PIXELS_PER_POINT;
@@ -276,28 +267,6 @@ impl Canvas {
     }
 }
 
-/// A circle as a polygon that stays within a hundredth of a pixel of it for radii up to some hundred points.
-fn circle(centre: At, radius: f64) -> Vec<At> {
-    let n = (12.0 + 4.0 * radius.max(0.0)).min(256.0) as u32;
-    (0..n)
-        .map(|k| {
-            let (s, c) = (std::f64::consts::TAU * f64::from(k) / f64::from(n)).sin_cos();
-            (centre.0 + radius * c, centre.1 + radius * s)
-        })
-        .collect()
-}
-
-/// The box around a line, always wound like [`circle`], so that joints add up.
-fn thick(a: At, b: At, half: f64) -> Option<Vec<At>> {
-    let (dx, dy) = (b.0 - a.0, b.1 - a.1);
-    let length = dx.hypot(dy);
-    if !(length > 0.0 && length.is_finite()) {
-        return None;
-    }
-    let (nx, ny) = (-dy / length * half, dx / length * half);
-    Some(vec![(a.0 - nx, a.1 - ny), (b.0 - nx, b.1 - ny), (b.0 + nx, b.1 + ny), (a.0 + nx, a.1 + ny)])
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -331,6 +300,16 @@ mod tests {
         c.disc((1e9, 1e9), 1e6, [0; 3], 1.0);
         c.dashed(&[(0.0, 0.0), (f64::INFINITY, 1.0)], 1.0, 2.0, 2.0, [0; 3]);
         assert_eq!(c.finish().get(0, 0), Some([255; 3]));
+    }
+
+    #[test]
+    fn a_text_too_long_for_its_place_is_cut_not_run_over() {
+        let style = Text::new(12.0, [0; 3]);
+        let mut c = Canvas::new(200.0, 20.0);
+        c.text_within((5.0, 10.0), &"a title without an end ".repeat(9), &style, 100.0);
+        let p = c.finish();
+        let dark = |x: u32| (0..40).any(|y| p.get(x, y).is_some_and(|c| c[0] < 128));
+        assert!((10..200).any(dark) && !(212..400).any(dark));
     }
 
     #[test]

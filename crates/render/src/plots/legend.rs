@@ -33,7 +33,7 @@ pub(crate) fn draw(canvas: &mut Canvas, at: At, width: f64, entries: &[(Key, Str
             (x, y) = (at.0, y + ROW);
         }
         draw_key(canvas, *key, (x, y));
-        canvas.text((x + KEY + 5.0, y), words, &style);
+        canvas.text_within((x + KEY + 5.0, y), words, &style, width - KEY - 5.0);
         x += wide + GAP;
     }
     y + ROW - at.1

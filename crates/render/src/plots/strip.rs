@@ -64,7 +64,7 @@ fn azimuths(canvas: &mut Canvas, area: Area) {
 /// The heading above a strip.
 pub(crate) fn heading(canvas: &mut Canvas, area: Area, text: &str) {
     let style = Text::new(11.0, INK).bold().at(Anchor::Middle, Anchor::End);
-    canvas.text((area.centre().0, area.y - 25.0), text, &style);
+    canvas.text_within((area.centre().0, area.y - 25.0), text, &style, area.w);
 }
 
 /// Labels of θi and θo left of the strip.

@@ -88,5 +88,7 @@ pub fn unfolded(m: &Measured, options: &Unfolded) -> Picture {
 
 /// The title line that all plots share.
 pub(crate) fn title(canvas: &mut Canvas, text: &str) {
-    canvas.text((14.0, 20.0), text, &Text::new(13.0, INK).bold().at(Anchor::Start, Anchor::End));
+    let width = canvas.width() - 28.0;
+    let style = Text::new(13.0, INK).bold().at(Anchor::Start, Anchor::End);
+    canvas.text_within((14.0, 20.0), text, &style, width);
 }

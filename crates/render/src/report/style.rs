@@ -44,6 +44,7 @@ footer { border-top: 1px solid var(--line); margin-top: 3rem; padding-top: .8rem
   html { font-size: 10.5pt; }
   main { max-width: none; padding: 0; }
   nav { display: none; }
+  .wide { overflow: visible; }
   h2 { break-after: avoid; }
   tr, .figures div, .notices li { break-inside: avoid; }
   figure img { max-height: 235mm; width: auto; border: 0; }

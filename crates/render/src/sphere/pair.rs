@@ -118,7 +118,7 @@ pub fn spheres(data: &dyn Brdf, fit: &dyn Brdf, options: &Spheres) -> SphereComp
         .iter()
         .enumerate()
     {
-        canvas.text((x(k as f64) + 0.5 * size, top - 8.0), words, &heading);
+        canvas.text_within((x(k as f64) + 0.5 * size, top - 8.0), words, &heading, size);
     }
     let mut differences = Vec::new();
     for (k, (row, pair, map)) in rows.iter().enumerate() {
@@ -129,7 +129,7 @@ pub fn spheres(data: &dyn Brdf, fit: &dyn Brdf, options: &Spheres) -> SphereComp
         }
         canvas.place((x(2.0), y), &difference_picture(&pair[0], map, row, &bar));
         let side = Text::new(10.0, INK).upwards().at(Anchor::Middle, Anchor::Middle);
-        canvas.text((18.0, y + 0.5 * size), &row.name, &side);
+        canvas.text_within((18.0, y + 0.5 * size), &row.name, &side, size);
         let note = Text::new(9.5, MUTED).at(Anchor::Middle, Anchor::Start);
         let found = statistics(&row.name, map);
         let words = match &found {

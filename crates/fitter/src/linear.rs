@@ -57,11 +57,11 @@ impl Sums {
         let dl = r0 * self.dp + s * self.dq;
         let ll = r0 * r0 * self.pp + 2.0 * r0 * s * self.pq + s * s * self.qq;
         let ly = r0 * self.py + s * self.qy;
-        let with = |diffuse: f64, lobe: f64| Solution {
-            diffuse,
-            lobe,
+        let with = |diffuse: f64, lobe: f64| {
             // x·(A x − b) = 0 at a bounded minimum, so the squares are yy − x·b
-            squares: (self.yy - diffuse * self.dy - lobe * ly).max(0.0),
+            let squares = self.yy - diffuse * self.dy - lobe * ly;
+            // rounding below 0 is nothing; not-a-number must stay
+            Solution { diffuse, lobe, squares: if squares < 0.0 { 0.0 } else { squares } }
         };
         let det = self.dd * ll - dl * dl;
         if det > 1e-13 * self.dd * ll {

@@ -19,6 +19,9 @@ const TOLERANCE: f64 = 1e-5;
 const NOTHING: f64 = 50.0;
 /// Boxes are not halved more often than this.
 const MAX_DEPTH: usize = 24;
+/// Half widths of a lobe that a cell may hold before a whole grid's worth of nodes stops following it: wide cells under narrow lobes
+/// would need millions. Cells of Sopp's grid reach this at exponents near 1e5, cells of 10° near 7e4, of 30° near 8e3.
+const WIDEST: f64 = 24.0;
 
 /// A quadrature for lobes of a range of exponents.
 #[derive(Clone, Copy, Debug)]
@@ -131,6 +134,14 @@ impl Plan {
         let (in_plane, across) = lamp_edges(cell);
         let (v, c) = (Box2::view(0.5 * (bin.z.0 + bin.z.1), 0.5 * (bin.phi.0 + bin.phi.1)), extent.centre);
         let deltas = [in_plane, across].map(|l| Tangent::new(l, v).minus(c));
+        if self.lobe_only {
+            let widest = extent.by_z.norm().max(extent.by_phi.norm()).max(1e-9);
+            let resolved = (WIDEST / widest).powi(2);
+            if self.high > resolved {
+                let (low, high) = (self.low.min(resolved), resolved);
+                return Self { low, high, lobe_only: true }.samples(cell, visit);
+            }
+        }
         let nearest = (extent.nearest() - deltas[0].norm().max(deltas[1].norm())).max(0.0);
         if self.lobe_only && 0.5 * self.low * nearest * nearest > NOTHING {
             return;

@@ -6,54 +6,55 @@ use crate::pixel_map::PixelMap;
 use crate::reference::WHITE_LIMIT_DEG;
 
 /// Only every so many pixels along each side decide: coverage has no finer structure.
-const STRIDE: usize = 5;
-/// The white is not scanned at steeper incidence than this, degrees: its light grows weak.
-const STEEPEST_DEG: f64 = 65.0;
+const STRIDE: usize = 4;
+/// Largest θo at which a sample pose uses a pixel: the outer bound of the last bin, with what interpolation reaches over, degrees.
+const NEEDED_DEG: f64 = 76.6;
 /// Most tilts of a white scan.
 const MOST: usize = 6;
 
 /// A white scan for the sample plan `sample`: greedily the tilt that calibrates most of what is still missing.
 ///
-/// A pixel that a sample pose uses (θo up to 77°) counts as covered when a white pose sees the reference with it below that angle.
+/// A pixel that a sample pose uses (θo up to [`NEEDED_DEG`]) counts as covered when a white pose sees the reference with it below that angle.
 #[must_use]
 pub fn white_plan(map: &PixelMap, sample: &Plan) -> Plan {
     let d = map.description();
     let [low, high] = d.holder.tilt_limits_deg;
-    let limit = WHITE_LIMIT_DEG.to_radians().cos();
+    let cos = |deg: f64| deg.to_radians().cos();
     let (w, h) = (map.width(), map.height());
-    let stride = STRIDE.min(w / 32).max(1);
+    let stride = STRIDE.min(w / 256).max(1);
     let pixels: Vec<usize> =
         (0..h).step_by(stride).flat_map(|y| (0..w).step_by(stride).map(move |x| y * w + x)).collect();
-    let seen = |tilt: f64| -> Vec<bool> {
+    let seen = |tilt: f64, limit: f64| -> Vec<bool> {
         let v = map.visibility(Pose::from_degrees(tilt, 0.0));
         pixels.iter().map(|&p| v.cos_view(p).is_some_and(|c| c > limit)).collect()
     };
     let mut missing = vec![false; pixels.len()];
     for &tilt in &sample.tilt_deg {
-        for (m, s) in missing.iter_mut().zip(seen(tilt)) {
+        for (m, s) in missing.iter_mut().zip(seen(tilt, cos(NEEDED_DEG))) {
             *m |= s;
         }
     }
-    let mut candidates: Vec<(f64, Vec<bool>)> = (0..=13)
+    let mut candidates: Vec<(f64, Vec<bool>)> = (0..=17)
         .map(|k| f64::from(k) * 5.0)
-        .filter(|t| (low.max(-STEEPEST_DEG)..=high.min(STEEPEST_DEG)).contains(t))
-        .map(|t| (t, seen(t)))
+        .filter(|t| (low..=high).contains(t))
+        .map(|t| (t, seen(t, cos(WHITE_LIMIT_DEG))))
         .collect();
     let mut tilts = Vec::new();
     while tilts.len() < MOST && missing.contains(&true) {
-        let gain = |s: &[bool]| s.iter().zip(&missing).filter(|(s, m)| **s && **m).count();
-        let best = candidates
-            .iter()
-            .enumerate()
-            // of equals the smaller tilt: more light
-            .max_by_key(|(k, (_, s))| (gain(s), std::cmp::Reverse(*k)))
-            .map(|(k, (_, s))| (k, gain(s)));
-        let Some((k, 1..)) = best else { break };
-        let (tilt, s) = candidates.swap_remove(k);
+        // grazing light is weak: such a tilt is worth as much as its light
+        let gain = |tilt: f64, s: &[bool]| {
+            let n = s.iter().zip(&missing).filter(|(s, m)| **s && **m).count();
+            n as f64 * tilt.to_radians().cos()
+        };
+        let gains: Vec<f64> = candidates.iter().map(|(t, s)| gain(*t, s)).collect();
+        let Some(k) = (0..gains.len()).max_by(|&a, &b| gains[a].total_cmp(&gains[b])) else { break };
+        if gains[k] <= 0.0 {
+            break;
+        }
+        let (tilt, s) = candidates.remove(k);
         for (m, s) in missing.iter_mut().zip(s) {
             *m &= !s;
         }
-        candidates.sort_by(|a, b| a.0.total_cmp(&b.0));
         tilts.push(tilt);
     }
     if tilts.is_empty() {
@@ -82,15 +83,16 @@ mod tests {
             let map = PixelMap::new(&d);
             let plan = white_plan(&map, &d.plan);
             assert!(plan.tilt_deg.len() <= MOST && plan.check(&d).is_ok(), "{:?}", plan.tilt_deg);
-            let limit = WHITE_LIMIT_DEG.to_radians().cos();
-            let sees = |tilt: &f64, p: usize| {
-                map.visibility(Pose::from_degrees(*tilt, 0.0)).cos_view(p).is_some_and(|c| c > limit)
+            let sees = |tilt: &f64, p: usize, deg: f64| {
+                map.visibility(Pose::from_degrees(*tilt, 0.0))
+                    .cos_view(p)
+                    .is_some_and(|c| c > deg.to_radians().cos())
             };
             let step = map.width() * map.height() / 1000 + 1;
             for p in (0..map.width() * map.height()).step_by(step) {
-                if d.plan.tilt_deg.iter().any(|t| sees(t, p)) {
+                if d.plan.tilt_deg.iter().any(|t| sees(t, p, 76.3)) {
                     assert!(
-                        plan.tilt_deg.iter().any(|t| sees(t, p)),
+                        plan.tilt_deg.iter().any(|t| sees(t, p, WHITE_LIMIT_DEG)),
                         "{name}: pixel {p}, {:?}",
                         plan.tilt_deg
                     );

@@ -392,9 +392,11 @@ impl Engine {
         }
     }
 
+    /// Poses not taken: those ahead, the one under way, and those given up.
     fn remaining(&self) -> u32 {
-        let left = self.todo.len().saturating_sub(self.at) as u32;
-        left + self.lost.len() as u32
+        let ahead = self.todo.get(self.at..).unwrap_or(&[]);
+        let lost = self.lost.iter().filter(|l| !ahead.contains(&l.index)).count();
+        (ahead.len() + lost) as u32
     }
 
     fn index(&self) -> u32 {

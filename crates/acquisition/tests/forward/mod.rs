@@ -1,6 +1,8 @@
 //! A compact forward model of the nominal instrument, independent of the crate's own optics: F2 is a focus, so the mirror point
 //! follows from the polar equation of the ellipse, and the direction from F1 is that point's. No holder, no misalignment.
 
+#![allow(dead_code)] // each test binary uses its part
+
 use std::time::Duration;
 
 use gonio_brdf::Brdf;

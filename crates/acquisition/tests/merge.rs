@@ -1,0 +1,111 @@
+//! The exposure merge against its own noise: no bias, and the variance it states is the one it has.
+
+mod forward;
+
+use forward::{Noise, frame};
+use gonio_acquisition::dark::{DarkFrames, DarkModel};
+use gonio_acquisition::merge::merge;
+use gonio_acquisition::sensor::Sensor;
+use gonio_acquisition::{AcquisitionError, PixelMap};
+use gonio_instrument::{Description, Exposure, Pose, PoseRecord, builtin};
+
+fn tiny() -> (Description, PixelMap, Sensor) {
+    let d = builtin::description("tiny").expect("known").expect("readable");
+    let map = PixelMap::new(&d);
+    let sensor = Sensor::new(&d.camera, 0.9, &[1.0]);
+    (d, map, sensor)
+}
+
+fn pose(d: &Description, rates: &[f64], times: &[f64], seed: u64) -> PoseRecord {
+    let mut noise = Some(Noise(seed));
+    let exposures = times
+        .iter()
+        .enumerate()
+        .map(|(k, &t)| Exposure {
+            frame: frame(d, rates, t, 1.0 + 0.01 * k as f64, k as u64, &mut noise),
+            lamp_monitor: 1.0 + 0.01 * k as f64,
+            shutter_open: true,
+        })
+        .collect();
+    PoseRecord { index: 0, commanded: Pose::default(), readback: Pose::default(), exposures }
+}
+
+#[test]
+fn the_merged_rate_has_no_bias_and_the_variance_it_states() {
+    let (d, map, sensor) = tiny();
+    let n = d.camera.pixels();
+    let times = [0.0008, 0.006, 0.05, 0.4];
+    // around the saturation of each exposure, where wrong selection would show, and far from it
+    for electrons_at_longest in
+        [3.0, 40.0, 900.0, 8_500.0, 8_900.0, 9_050.0, 9_400.0, 60_000.0, 71_000.0, 2e6]
+    {
+        let rate: f64 = electrons_at_longest / 0.4;
+        let rates = vec![rate; n];
+        let merged = merge(&pose(&d, &rates, &times, 5), &map, &sensor, &DarkModel::none(n), &vec![true; n])
+            .expect("merges");
+        let valid: Vec<_> = merged.pixels.iter().filter(|m| m.is_valid()).collect();
+        assert_eq!(valid.len(), n, "{electrons_at_longest}");
+        let count = n as f64;
+        let mean = valid.iter().map(|m| f64::from(m.rate)).sum::<f64>() / count;
+        let spread = valid.iter().map(|m| (f64::from(m.rate) - mean).powi(2)).sum::<f64>() / (count - 1.0);
+        let stated = valid.iter().map(|m| f64::from(m.shot + m.read)).sum::<f64>() / count;
+        let off = (mean - rate) / (spread / count).sqrt();
+        assert!(off.abs() < 4.0, "{electrons_at_longest} electrons: {off} standard errors off");
+        // the variance of a variance of 20,480 values is 1 %; five of them
+        assert!(
+            (stated / spread - 1.0).abs() < 0.05,
+            "{electrons_at_longest}: {stated} stated, {spread} seen"
+        );
+    }
+}
+
+#[test]
+fn a_hot_pixel_is_found_in_the_dark_and_taken_from_its_neighbours() {
+    let (d, map, sensor) = tiny();
+    let n = d.camera.pixels();
+    let hot = 64 * 160 + 80;
+    let mut noise = Some(Noise(3));
+    let mut dark_rates = vec![2.0; n];
+    dark_rates[hot] = 900.0;
+    let mut dark = DarkFrames::default();
+    for (k, t) in [2e-5, 2e-5, 2e-5, 2e-5, 2.0, 2.0, 2.0, 2.0].into_iter().enumerate() {
+        dark.add(&frame(&d, &dark_rates, t, 1.0, k as u64, &mut noise), &sensor);
+    }
+    let model = dark.model(&sensor, n);
+    assert!(model.is_hot(hot));
+    assert_eq!(model.hot_pixels(), 1);
+    let mean = (0..n).filter(|p| *p != hot).map(|p| model.at(p).1).sum::<f64>() / (n - 1) as f64;
+    assert!((mean - 2.0).abs() < 0.05, "{mean}");
+    // light that rises along the row, on top of the dark signal
+    let rates: Vec<f64> = (0..n).map(|p| 2000.0 + 10.0 * (p % 160) as f64 + dark_rates[p]).collect();
+    let merged =
+        merge(&pose(&d, &rates, &[0.2, 1.0], 9), &map, &sensor, &model, &vec![true; n]).expect("merges");
+    let got = f64::from(merged.pixels[hot].rate);
+    let want = rates[hot] - dark_rates[hot];
+    assert!((got - want).abs() < 4.0 * f64::from(merged.pixels[hot].shot).sqrt() + 1.0, "{got} for {want}");
+}
+
+#[test]
+fn frames_of_another_camera_and_poses_without_light_are_refused() {
+    let (d, map, sensor) = tiny();
+    let n = d.camera.pixels();
+    let none = DarkModel::none(n);
+    let mut record = pose(&d, &vec![100.0; n], &[0.1], 1);
+    record.exposures[0].shutter_open = false;
+    let wanted = vec![true; n];
+    assert!(matches!(
+        merge(&record, &map, &sensor, &none, &wanted),
+        Err(AcquisitionError::NoLight { pose: 0 })
+    ));
+    record.exposures[0].frame.width = 80;
+    assert!(matches!(
+        merge(&record, &map, &sensor, &none, &wanted),
+        Err(AcquisitionError::FrameSize { found_width: 80, .. })
+    ));
+    record.exposures[0].frame.width = 160;
+    record.exposures[0].frame.pixels.pop();
+    assert!(matches!(
+        merge(&record, &map, &sensor, &none, &wanted),
+        Err(AcquisitionError::FrameLength { .. })
+    ));
+}

@@ -183,7 +183,7 @@ fn trace(m: &Measured, ti: usize, brdf: &dyn Brdf, channel: Channel) -> Vec<(f64
         let (p, q) = (p.degrees(), q.degrees());
         let middle = m.grid.phi_deg.get(phi).copied().unwrap_or(0.0);
         let steps = (last * 2.0).floor().clamp(0.0, 180.0) as u32;
-        let side = (0..=steps).map(|k| {
+        let side = (0..=steps).filter_map(|k| {
             let theta_o = f64::from(k) * 0.5;
             let above = nodes.partition_point(|&n| n <= theta_o).clamp(1, nodes.len().max(2) - 1);
             let half = match (nodes.get(above - 1), nodes.get(above)) {
@@ -191,16 +191,18 @@ fn trace(m: &Measured, ti: usize, brdf: &dyn Brdf, channel: Channel) -> Vec<(f64
                 _ => 0.0,
             };
             let (low, high) = ((theta_o - half).max(0.0), (theta_o + half).min(last));
-            // the cell at θo = 0 is a cap: its azimuths close up over half a bin
-            let open = if half > 0.0 { (theta_o / half).min(1.0) } else { 1.0 };
-            let (p, q) = (p * open, q + (180.0 - q) * (1.0 - open));
+            // the cell at θo = 0 is a cap of all azimuths; between it and the first whole bin nothing is averaged like a cell
+            if theta_o > 0.0 && theta_o < half {
+                return None;
+            }
+            let (p, q) = if theta_o == 0.0 && half > 0.0 { (0.0, 180.0) } else { (p, q) };
             // bounds lie halfway to the neighbours: choose neighbours that put them where they belong
             let cell = Grid {
                 theta_i_deg: vec![theta_i],
                 theta_o_deg: vec![2.0 * low - theta_o, theta_o, 2.0 * high - theta_o],
                 phi_deg: vec![2.0 * p - middle, middle, 2.0 * q - middle],
             };
-            (sign * theta_o, channel.of(average::cell_mean(brdf, &cell, m.meaning, [0, 1, 1], 4, 2)))
+            Some((sign * theta_o, channel.of(average::cell_mean(brdf, &cell, m.meaning, [0, 1, 1], 4, 2))))
         });
         let side: Vec<_> = side.collect();
         if sign < 0.0 {

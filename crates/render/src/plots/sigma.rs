@@ -37,11 +37,9 @@ pub fn sigma(m: &Measured, heading: &str) -> Picture {
     polar::draw(&mut canvas, top, &m.grid, &|i| percent.get(i).copied().flatten().map(|p| bar.colour(p)));
     polar::explain(&mut canvas, top + tall + 18.0, &m.grid);
     bar.draw_lying(&mut canvas, Area::new(30.0, top + tall + 38.0, 480.0, 10.0));
-    legend::draw(
-        &mut canvas,
-        (550.0, top + tall + 43.0),
-        160.0,
-        &[(Key::Hatched, "no value, or f = 0".into())],
-    );
+    if percent.iter().any(Option::is_none) {
+        let key = [(Key::Hatched, "no value, or f = 0".to_owned())];
+        legend::draw(&mut canvas, (550.0, top + tall + 43.0), 160.0, &key);
+    }
     canvas.finish()
 }

@@ -2,7 +2,8 @@
 //!
 //! Four dimensions (place in the pixel, point of the lamp) are averaged together. Where the reflectance is smooth, eight points that
 //! move in all four at once (rows of a Hadamard matrix, exact to third degree) are enough; their departure from the middle value measures the
-//! curvature and calls finer rules: 9 × 7 points, then 36 × 61, then 144 × 331. The gloss of a smooth surface is no lobe to be sampled: it is the lamp's
+//! curvature and calls finer rules: 9 × 7 points, then 36 × 61, then 144 × 331. Tables have kinks between which no curvature is seen: there the spread
+//! of the eight values decides, and 9 × 37 points follow. The gloss of a smooth surface is no lobe to be sampled: it is the lamp's
 //! mirror image, `F/Ω` inside and nothing outside, and its share of the pixel is cut exactly line by line.
 
 use gonio_brdf::Brdf;
@@ -12,10 +13,11 @@ use super::lamp::{Disc, radon7, rings};
 
 /// Curvature, relative to the mean, up to which eight points serve. Their error is of the order of its square.
 const SMOOTH: f64 = 0.015;
+/// Spread of the eight values, relative to their mean, up to which they serve where kinks are to be expected.
+const LEVEL: f64 = 0.15;
 /// Difference between a rule and the next finer one up to which the latter serves.
 const FAIRLY_SMOOTH: f64 = 0.01;
-/// Sharpness (an exponent, see [`Brdf::sharpness`]) from which the finest rule may be called. Kinks of tables also tell rules apart, and
-/// need no such effort.
+/// Sharpness (an exponent, see [`Brdf::sharpness`]) from which the finest rule may be called.
 const NEEDLE: f64 = 3000.0;
 /// Within this angle beyond the mirror image the finer rules are always taken, degrees.
 const MIRROR_MARGIN_DEG: f64 = 2.0;
@@ -61,9 +63,12 @@ pub(crate) struct Averager<'a> {
     centre: LampPoint,
     joint: [(LampPoint, f64, f64); 8],
     radon: Vec<(LampPoint, f64)>,
+    few_rings: Vec<LampPoint>,
     rings: Vec<LampPoint>,
     many_rings: Vec<LampPoint>,
     lit: bool,
+    /// The reflectance has no analytic form, and may have kinks.
+    kinked: bool,
 }
 
 /// A direction to the lamp with its cosine over cos ε.
@@ -106,9 +111,11 @@ impl<'a> Averager<'a> {
             centre: point([0.0, 0.0]),
             joint,
             radon: radon7().into_iter().map(|(p, w)| (point(p), w)).collect(),
+            few_rings: rings(3).into_iter().map(point).collect(),
             rings: rings(4).into_iter().map(point).collect(),
             many_rings: rings(10).into_iter().map(point).collect(),
             lit: light.z > -half_angle_rad.sin(),
+            kinked: base.sharpness() == 0.0,
         }
     }
 
@@ -141,16 +148,21 @@ impl<'a> Averager<'a> {
     fn smooth_part(&self, patch: &Patch, channel: usize) -> f64 {
         let middle = patch.at(0.5, 0.5);
         let single = middle.k * self.value(&self.centre, middle.view, channel);
-        let eight: f64 = self
-            .joint
-            .iter()
-            .map(|&(l, u, v)| {
-                let look = patch.at(u, v);
-                look.k * self.value(&l, look.view, channel)
-            })
-            .sum::<f64>()
-            * 0.125;
+        let (mut sum, mut low, mut high) = (0.0, f64::INFINITY, 0.0f64);
+        for &(l, u, v) in &self.joint {
+            let look = patch.at(u, v);
+            let value = look.k * self.value(&l, look.view, channel);
+            sum += value;
+            low = low.min(value);
+            high = high.max(value);
+        }
+        let eight = 0.125 * sum;
         let near = (middle.view - self.mirror).norm() <= self.zone_chord;
+        if self.kinked {
+            // differences of rules may vanish by chance at a kink; the spread does not
+            let flat = (eight - single).abs() <= SMOOTH * eight && high - low <= LEVEL * eight;
+            return if flat { eight } else { self.product(patch, channel, 3, &self.few_rings) };
+        }
         if !near && (eight - single).abs() <= SMOOTH * eight {
             return eight;
         }

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use gonio_instrument::{Camera, Cancel, DeviceError, Frame, Misalignment, Pose};
+use gonio_sim::firmware::Faults;
 use gonio_sim::optics::Sample;
 use gonio_sim::world::World;
 use gonio_sim::{CameraFaults, VirtualCamera};
@@ -122,4 +123,14 @@ fn an_unplugged_camera_says_so() {
     shot(&mut c, 1);
     let e = c.capture(Duration::from_millis(1), &Cancel::new()).expect_err("unplugged");
     assert!(matches!(e, DeviceError::Gone { .. }), "{e}");
+}
+
+#[test]
+fn camera_faults_stand_in_the_faults_file_and_chances_are_checked() {
+    let head = "format = \"gonio-faults\"\nversion = 1\n[camera]\n";
+    let faults = Faults::from_toml(&format!("{head}torn = 0.25\nunplugged_after = 9\n")).expect("valid");
+    let expected = CameraFaults { torn: 0.25, unplugged_after: Some(9), ..CameraFaults::default() };
+    assert_eq!(faults.camera, Some(expected));
+    let e = Faults::from_toml(&format!("{head}late = 1.5\n")).expect_err("no chance").to_string();
+    assert!(e.contains("camera.late") && e.contains("1.5"), "{e}");
 }

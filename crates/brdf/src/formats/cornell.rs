@@ -77,7 +77,9 @@ fn row(line: u64, words: &str, weights: &SpectralWeights) -> Result<ScatteredPoi
             *slot = if k % 2 == 0 {
                 number(line, name, word, "radians, 0 to pi/2", |x| (-1e-5..=LIMIT).contains(&x))?
             } else {
-                number(line, name, word, "radians within a turn", |x| x.abs() <= 6.2832)?
+                number(line, name, word, "radians within a turn", |x| {
+                    x.abs() <= std::f64::consts::TAU + 1e-4
+                })?
             };
         } else if spectrum.len() < weights.len() {
             spectrum.push(number(

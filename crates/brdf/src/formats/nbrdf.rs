@@ -65,7 +65,7 @@ pub fn read(bytes: &[u8], names: &[String], name: &str) -> Result<Network, Probl
 }
 
 /// `input·W + b`, weights and biases from the front of `weights`; returns what is left of these.
-fn layer<'a, const I: usize, const O: usize>(weights: &'a [f64], input: [f64; I]) -> ([f64; O], &'a [f64]) {
+fn layer<const I: usize, const O: usize>(weights: &[f64], input: [f64; I]) -> ([f64; O], &[f64]) {
     let (matrix, rest) = weights.split_at(I * O);
     let (bias, rest) = rest.split_at(O);
     let mut out = [0.0; O];

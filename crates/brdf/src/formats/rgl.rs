@@ -7,6 +7,8 @@
 //! f cos θo = rgb(V⁻¹(u(m))) · D(u(m)) / (4 σ(u(l)))
 //! ```
 //!
+//! The files were measured to a little over 80°; towards θo = 90° their f cos θo does not vanish, so cos θo is held at cos 85° as the divisor.
+//!
 //! D is the distribution of microfacet normals, σ the projected area of the microsurface, and V⁻¹ the map of the unit square that makes the
 //! distribution of visible normals uniform; V and rgb are given for several incident directions and interpolated between them.
 //! [`tensor`] is the container, [`warp`] the map and the look-ups.
@@ -16,7 +18,7 @@ mod warp;
 
 use std::f64::consts::PI;
 
-use gonio_optics::{COS_FLOOR, Vec3};
+use gonio_optics::Vec3;
 
 use self::tensor::Tensors;
 use self::warp::{Image, Parameters, Warp};
@@ -26,6 +28,8 @@ use crate::{Brdf, Rgb};
 pub(super) use self::tensor::MAGIC;
 
 const NAME: &str = "RGL tensor";
+/// cos 85°, the smallest divisor.
+const SMALLEST_COS: f64 = 0.087_155_742_747_658_17;
 
 /// A material of the database.
 #[derive(Clone, Debug)]
@@ -113,7 +117,7 @@ impl Brdf for Rgl {
         let slices = self.parameters.around(phi_i, theta_i);
         let sample = self.vndf.invert(u, &slices);
         let scale = self.ndf.eval(u, &[(0, 1.0)])
-            / (4.0 * self.sigma.eval(unit(theta_i, phi_i), &[(0, 1.0)]) * view.z.max(COS_FLOOR));
+            / (4.0 * self.sigma.eval(unit(theta_i, phi_i), &[(0, 1.0)]) * view.z.max(SMALLEST_COS));
         [0, 1, 2].map(|c| {
             let planes = slices.map(|(k, w)| (3 * k + c, w));
             self.rgb.eval(sample, &planes).max(0.0) * scale

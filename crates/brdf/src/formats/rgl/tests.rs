@@ -57,6 +57,17 @@ fn a_material_is_evaluated_by_its_formula() {
 }
 
 #[test]
+fn grazing_views_do_not_blow_up() {
+    let m = read(&file()).unwrap();
+    let at = |theta_o_deg: f64| {
+        let (l, v) = Geometry::from_degrees(30.0, theta_o_deg, 170.0).directions();
+        m.eval(l, v)[0]
+    };
+    assert!((at(85.0) / at(60.0) - 0.5 / 85f64.to_radians().cos()).abs() < 1e-6);
+    assert!((at(90.0) / at(85.0) - 1.0).abs() < 1e-6);
+}
+
+#[test]
 fn the_azimuth_of_the_light_is_of_no_account() {
     let m = read(&file()).unwrap();
     let (l, v) = Geometry::from_degrees(40.0, 60.0, 100.0).directions();

@@ -101,7 +101,7 @@ impl Optics {
     /// The sample's normal at the tilt read back, lab frame.
     #[must_use]
     pub fn normal(&self, tilt_read_back: Angle) -> Vec3 {
-        Rotation::about_axis(self.tilt_axis, tilt_read_back - self.tilt_zero).apply(self.spin_axis_at_zero)
+        Rotation::about_axis(self.tilt_axis, tilt_read_back + self.tilt_zero).apply(self.spin_axis_at_zero)
     }
 
     /// The view of the image point (`column`, `row`) in pixels, (0, 0) being the outer corner of the first pixel.

@@ -81,7 +81,7 @@ pub enum Command {
         file: String,
     },
     /// Draw the pictures of a measured BRDF or a model, and a report
-    #[command(after_help = "Example:\n  gonio show S.nc --model S.model.json -o pictures")]
+    #[command(after_help = "Example:\n  gonio show S.nc -o pictures")]
     Show(ShowArguments),
     /// State of the scans that run on this machine
     Status,
@@ -357,9 +357,6 @@ pub struct IsolineArguments {
 pub struct ShowArguments {
     /// A measured BRDF or a model
     pub input: String,
-    /// A fitted model to compare with
-    #[arg(long)]
-    pub model: Option<PathBuf>,
     /// Folder for the pictures and report.html
     #[arg(short, long)]
     pub output: PathBuf,

@@ -6,9 +6,16 @@
 pub mod arguments;
 pub mod commands;
 pub mod control;
+pub mod fitting;
 pub mod outcome;
 pub mod output;
 pub mod progress;
+pub mod reduction;
+pub mod report;
+pub mod results;
+pub mod rig;
+pub mod scanning;
+pub mod signals;
 
 use std::ffi::OsString;
 use std::process::ExitCode;

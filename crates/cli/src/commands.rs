@@ -1,0 +1,53 @@
+//! What each command does, one file each (those that watch running scans share one).
+
+pub mod convert;
+pub mod demo;
+pub mod doctor;
+pub mod eval;
+pub mod fit;
+pub mod info;
+pub mod isoline;
+pub mod replay;
+pub mod running;
+pub mod scan;
+pub mod session;
+pub mod show;
+pub mod sim;
+
+use crate::arguments::{Arguments, Command};
+use crate::control::Ask;
+use crate::outcome::{Failure, Outcome};
+use crate::output::Printer;
+
+/// Runs the command that the arguments name.
+///
+/// # Errors
+/// [`Failure`], which carries the exit code.
+pub fn dispatch(arguments: Arguments) -> Result<Outcome, Failure> {
+    let printer = Printer { json: arguments.json };
+    match arguments.command {
+        Command::Demo(a) => demo::run(&a, printer),
+        Command::Scan(a) => scan::run(&a, printer),
+        Command::Replay(a) => replay::run(&a, printer),
+        Command::Verify { session } => session::verify(&session, printer),
+        Command::Recover { session, output, force } => session::recover(&session, &output, force, printer),
+        Command::Sim(a) => sim::run(&a, printer),
+        Command::Fit(a) => fit::run(&a, printer),
+        Command::Eval(a) => eval::run(&a, printer),
+        Command::Isoline(a) => isoline::run(&a, printer),
+        Command::Convert { input, output, force } => convert::run(&input, &output, force, printer),
+        Command::Info { file } => info::run(&file, printer),
+        Command::Show(a) => show::run(&a, printer),
+        Command::Status => running::status(printer),
+        Command::Stop { emergency, pause, resume } => {
+            let ask = match (emergency, pause, resume) {
+                (true, _, _) => Ask::EmergencyStop,
+                (_, true, _) => Ask::Pause,
+                (_, _, true) => Ask::Resume,
+                _ => Ask::Stop,
+            };
+            running::tell(printer, ask)
+        }
+        Command::Doctor => doctor::run(printer),
+    }
+}

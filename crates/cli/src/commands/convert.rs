@@ -1,0 +1,38 @@
+//! `gonio convert`: from any format that is read to one that is written.
+
+use std::path::Path;
+
+use gonio_brdf::formats::{self, Loaded, Target};
+use gonio_brdf::Grid;
+use serde_json::json;
+
+use crate::outcome::{Failure, Outcome};
+use crate::output::{self, Printer};
+
+/// Reads `input` and writes it as the ending of `output` says; functions and models are sampled on Sopp's grid for tables.
+///
+/// # Errors
+/// [`Failure::Usage`] for files that cannot be read, or written in the form asked for.
+pub fn run(input: &str, output: &Path, force: bool, printer: Printer) -> Result<Outcome, Failure> {
+    output::check_free(output, force)?;
+    let target = Target::from_path(output).map_err(Failure::usage)?;
+    let loaded = formats::open(Path::new(input)).map_err(Failure::usage)?;
+    let loaded = match (target, loaded) {
+        (Target::Netcdf | Target::Csv, l @ (Loaded::Function(_) | Loaded::Model(_))) => {
+            match l.to_measured(&Grid::sopp()) {
+                Some(table) => Loaded::Table(Box::new(table)),
+                None => l,
+            }
+        }
+        (_, l) => l,
+    };
+    let saved = formats::save(output, &loaded, target, force).map_err(Failure::usage)?;
+    for loss in &saved.losses {
+        eprintln!("note: {loss}");
+    }
+    printer.result(
+        &format!("written to {}", output.display()),
+        &json!({ "input": input, "output": output, "not_kept": saved.losses }),
+    );
+    Ok(Outcome::Done)
+}

@@ -1,0 +1,68 @@
+//! `gonio replay`: the table of a recorded session, computed again.
+
+use gonio_recording::Session;
+use gonio_render::report::Fact;
+use serde_json::json;
+
+use crate::arguments::ReplayArguments;
+use crate::outcome::{Failure, Outcome};
+use crate::output::{Printer, check_free};
+use crate::results::{self, Files, Story};
+use crate::{fitting, progress, reduction};
+
+/// Reduces a session with the same code as a live scan: the same settings give the same bytes.
+///
+/// # Errors
+/// [`Failure::Usage`] for a session, reference or output that cannot be used; [`Failure::Failed`] where no pose can.
+pub fn run(a: &ReplayArguments, printer: Printer) -> Result<Outcome, Failure> {
+    let files = Files { table: a.output.clone(), ..Files::beside(&a.output) };
+    check_free(&a.output, a.force)?;
+    if a.fit.is_some() {
+        files.check_free(a.force)?;
+    }
+    let session = Session::open(&a.session).map_err(Failure::usage)?;
+    let instrument = session.instrument().map_err(Failure::usage)?;
+    let sample = session.sample().map_err(Failure::usage)?;
+    let references = reduction::references_of(&a.session, &session, &a.reference);
+    // a reference is judged by the day of the scan, so that an old session stays replayable
+    let day = reduction::day_of(&session);
+    let calibrated = reduction::calibrate(&references, &instrument, &day, a.accept_stale)?;
+    let bar = progress::bar("replay", session.pose_indices().count() as u64);
+    let reduced = reduction::reduce(&session, &calibrated, |k, _| bar.set_position(k as u64))?;
+    bar.finish_and_clear();
+    results::write_table(&files.table, &reduced.table)?;
+    let mut text = format!(
+        "{} of {} poses, reference {}; written to {}\n",
+        reduced.reducer.statistics().len(),
+        session.pose_indices().count(),
+        calibrated.session.display(),
+        a.output.display()
+    );
+    let mut fitted = None;
+    if let Some(model) = &a.fit {
+        let fit = results::fit(&reduced.table, model)?;
+        let story = Story {
+            sample: &sample,
+            instrument: &instrument.name,
+            poses: reduced.reducer.statistics(),
+            link: None,
+            devices: vec![Fact::new("replayed from", a.session.display().to_string())],
+            lost: &reduced.lost,
+        };
+        results::write_all(&files, &reduced.table, &fit, &story)?;
+        text += &format!("{} ({})\n{}", fit.model.name(), fit.status.name(), fitting::parameter_lines(&fit));
+        fitted = Some(fit.to_json());
+    }
+    printer.result(
+        &text,
+        &json!({
+            "session": a.session, "output": a.output, "poses": reduced.reducer.statistics(), "lost": reduced.lost,
+            "reference": calibrated.session, "fit": fitted,
+        }),
+    );
+    if reduced.lost.is_empty() {
+        Ok(Outcome::Done)
+    } else {
+        Ok(Outcome::WithLoss(reduced.lost.join("; ")))
+    }
+}

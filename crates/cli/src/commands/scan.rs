@@ -1,0 +1,311 @@
+//! `gonio scan`: record a session, and after each capture the table and fit of what is there so far.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::sync_channel;
+
+use gonio_acquisition::{PixelMap, reference_plan};
+use gonio_brdf::Measured;
+use gonio_fitter::Fit;
+use gonio_instrument::{Cancel, Certificate, Description, Plan, PoseRecord, SampleRecord, ScanKind};
+use gonio_recording::{Attachment, Session};
+use gonio_render::report::Fact;
+use serde_json::json;
+
+use crate::arguments::ScanArguments;
+use crate::control::{Control, ScanState};
+use crate::outcome::{Failure, Outcome};
+use crate::output::{Printer, beside, check_free, read_text};
+use crate::reduction::{self, Calibrated};
+use crate::results::{self, Files, Story};
+use crate::rig::{self, Rig, Simulated};
+use crate::scanning::{self, Job, Recorded};
+use crate::{fitting, signals};
+
+/// Poses that may wait for the reduction; at eight frames of 2.6 MB some 60 MB.
+const WAITING_POSES: usize = 3;
+
+/// A scan and what came of it.
+pub struct Scanned {
+    /// How it went.
+    pub recorded: Recorded,
+    /// The final fit, with `--fit`.
+    pub fit: Option<Fit>,
+    /// Files beside the session, with `--fit`.
+    pub files: Option<Files>,
+}
+
+/// `gonio scan`.
+///
+/// # Errors
+/// [`Failure`] with the exit code of what went wrong; the device is left safe and what was measured kept.
+pub fn run(a: &ScanArguments, printer: Printer) -> Result<Outcome, Failure> {
+    let cancel = signals::cancel_on_signals()?;
+    let scanned = scan(a, &cancel)?;
+    let r = &scanned.recorded;
+    let mut text = format!("{} of {} poses in {}\n", r.poses_done, r.poses_total, a.output.display());
+    if let (Some(fit), Some(files)) = (&scanned.fit, &scanned.files) {
+        text += &format!("{} ({})\n{}", fit.model.name(), fit.status.name(), fitting::parameter_lines(fit));
+        text += &format!("report: {}\n", files.report.display());
+    }
+    let verdict = scanning::verdict(r, &a.output);
+    printer.result(
+        &text,
+        &json!({
+            "session": a.output, "kind": ScanKind::from(a.kind).name(), "poses_done": r.poses_done,
+            "poses_total": r.poses_total, "frames": r.frames, "link": r.link,
+            "complete": matches!(verdict, Ok(Outcome::Done)),
+            "fit": scanned.fit.as_ref().map(Fit::to_json),
+            "files": scanned.files.as_ref().map(Files::to_json),
+        }),
+    );
+    verdict
+}
+
+/// Everything of a scan but the printing; `demo` calls it too.
+///
+/// # Errors
+/// As [`run`].
+pub fn scan(a: &ScanArguments, cancel: &Cancel) -> Result<Scanned, Failure> {
+    let kind = ScanKind::from(a.kind);
+    let instrument = rig::instrument(&a.instrument)?;
+    let plan = rig::plan(a.plan.as_deref(), &instrument)?;
+    let simulated = if a.device == "sim" { Some(Simulated::read(&a.simulated)?) } else { None };
+    let files = Files::beside(&a.output);
+    if a.resume {
+        if !a.output.exists() {
+            return Err(Failure::usage(format!(
+                "{} is not there, nothing to go on with; leave --resume out to begin",
+                a.output.display()
+            )));
+        }
+    } else {
+        check_free(&a.output, a.force)?;
+        if a.fit.is_some() {
+            files.check_free(a.force)?;
+        }
+    }
+    if let Some(model) = &a.fit {
+        fitting::options(model, None, 75.0, true)?;
+        if kind != ScanKind::Sample {
+            return Err(Failure::usage(format!("--fit goes with --kind sample, not with {}", kind.name())));
+        }
+    }
+    let map = PixelMap::new(&instrument);
+    let plan = match (kind, &a.plan) {
+        (ScanKind::White, None) => reference_plan::white_plan(&map, &plan),
+        (ScanKind::Dark, None) => reference_plan::dark_plan(&plan),
+        _ => plan,
+    };
+    let references = match (&simulated, a.reference.is_empty(), &a.fit) {
+        (Some(s), true, Some(_)) => vec![virtual_white(a, s, &instrument, &map, cancel)?],
+        _ => a.reference.clone(),
+    };
+    let calibrated = if a.fit.is_some() {
+        let day = reduction::day(gonio_recording::now());
+        Some(reduction::calibrate(&references, &instrument, &day, a.accept_stale)?)
+    } else {
+        None
+    };
+    let sample = SampleRecord {
+        kind,
+        id: a.sample.clone(),
+        name: a.name.clone(),
+        batch: a.batch.clone(),
+        operator: a.operator.clone(),
+        note: a.note.clone(),
+    };
+    let certificate = certificate(a, kind, simulated.is_some())?;
+    let mut provenance = provenance(a, simulated.as_ref());
+    if let Some(c) = &calibrated {
+        provenance.insert("reference".to_owned(), relative(&c.session, &a.output));
+    }
+    let attachments = simulated
+        .as_ref()
+        .and_then(|s| s.truth_text.as_deref())
+        .map(|t| Attachment::text("truth.json", "application/json", t))
+        .into_iter()
+        .collect();
+    let job = Job {
+        instrument: &instrument,
+        plan: &plan,
+        sample,
+        certificate,
+        provenance,
+        attachments,
+        output: &a.output,
+        resume: a.resume,
+        force: a.force,
+    };
+    let mut rig = Rig::open(&a.device, &a.camera, &instrument, &plan, kind, simulated.as_ref())?;
+    let state = ScanState {
+        session: a.output.display().to_string(),
+        kind: kind.name().to_owned(),
+        poses_total: plan.poses().len() as u32,
+        ..ScanState::default()
+    };
+    let control = Control::listen(state, cancel.clone())
+        .map_err(|e| tracing::warn!("`gonio status` will not see this scan: {e}"))
+        .ok();
+    match (&calibrated, &a.fit) {
+        (Some(calibrated), Some(model)) => {
+            with_fit(&job, &mut rig, &map, cancel, control.as_ref(), calibrated, model, &files)
+        }
+        _ => {
+            let recorded = scanning::record(&job, &mut rig, &map, cancel, control.as_ref(), &mut |_| {})?;
+            Ok(Scanned { recorded, fit: None, files: None })
+        }
+    }
+}
+
+/// Records, and reduces and fits beside it on a thread of its own.
+#[allow(clippy::too_many_arguments)] // one call, all of it needed
+fn with_fit(
+    job: &Job<'_>,
+    rig: &mut Rig,
+    map: &PixelMap,
+    cancel: &Cancel,
+    control: Option<&Control>,
+    calibrated: &Calibrated,
+    model: &str,
+    files: &Files,
+) -> Result<Scanned, Failure> {
+    let mut reducer = reduction::reducer(calibrated, &job.sample)?;
+    let mut lost: Vec<String> = Vec::new();
+    let (sender, poses) = sync_channel::<PoseRecord>(WAITING_POSES);
+    let (reducer_ref, lost_ref) = (&mut reducer, &mut lost);
+    let recorded = std::thread::scope(|scope| {
+        let worker = scope.spawn(move || {
+            while let Ok(pose) = poses.recv() {
+                reduction::add(reducer_ref, &pose, lost_ref);
+                drop(pose);
+                match results::write_so_far(files, reducer_ref, model, &job.sample) {
+                    Ok(fit) => {
+                        if let Some(c) = control {
+                            c.update(|s| s.fit = results::fit_line(&fit));
+                        }
+                        tracing::info!("{}", results::fit_line(&fit));
+                    }
+                    Err(e) => tracing::warn!("{e}"),
+                }
+            }
+        });
+        let recorded = scanning::record(job, rig, map, cancel, control, &mut |pose| {
+            // a worker that is gone has said why
+            let _ = sender.send(pose);
+        });
+        drop(sender);
+        let _ = worker.join();
+        recorded
+    })?;
+    if reducer.statistics().is_empty() {
+        return Ok(Scanned { recorded, fit: None, files: None });
+    }
+    // poses of a continued scan came in another order than a replay takes them
+    let table: Measured = if job.resume {
+        let session = Session::open(job.output).map_err(|e| Failure::Failed(e.to_string()))?;
+        let reduced = reduction::reduce(&session, calibrated, |_, _| {})?;
+        reducer = reduced.reducer;
+        reduced.table
+    } else {
+        reducer.finish()
+    };
+    let fit = results::fit(&table, model)?;
+    let story = Story {
+        sample: &job.sample,
+        instrument: &job.instrument.name,
+        poses: reducer.statistics(),
+        link: Some(recorded.link),
+        devices: vec![
+            Fact::new("stage", format!("{} {}, firmware {}", recorded.stage.name, recorded.stage.serial, recorded.stage.firmware)),
+            Fact::new("camera", format!("{} {}, {} frames", recorded.camera.name, recorded.camera.serial, recorded.frames)),
+        ],
+        lost: &lost,
+    };
+    results::write_all(files, &table, &fit, &story)?;
+    Ok(Scanned { recorded, fit: Some(fit), files: Some(files.clone()) })
+}
+
+/// The white reference of the virtual instrument: the one beside the output if it is of the same virtual instrument, else a new one.
+fn virtual_white(
+    a: &ScanArguments,
+    simulated: &Simulated,
+    instrument: &Description,
+    map: &PixelMap,
+    cancel: &Cancel,
+) -> Result<PathBuf, Failure> {
+    let path = beside(&a.output, "white.mcap");
+    let mut provenance = provenance(a, Some(simulated));
+    provenance.insert("time_scale".to_owned(), simulated.time_scale.to_string());
+    if path.exists() {
+        let same = Session::open(&path).ok().is_some_and(|s| {
+            s.provenance().is_ok_and(|p| p == provenance)
+                && s.instrument().is_ok_and(|i| i == *instrument)
+                && s.finished()
+        });
+        if same {
+            return Ok(path);
+        }
+        if !a.force && !a.resume {
+            return Err(Failure::usage(format!(
+                "{} is of another virtual instrument; say --force to take it again, or name a reference",
+                path.display()
+            )));
+        }
+    }
+    let plan: Plan = reference_plan::white_plan(map, &instrument.plan);
+    let job = Job {
+        instrument,
+        plan: &plan,
+        sample: SampleRecord { kind: ScanKind::White, id: "virtual white".to_owned(), ..SampleRecord::default() },
+        certificate: Some(Certificate::virtual_white()),
+        provenance,
+        attachments: Vec::new(),
+        output: &path,
+        resume: false,
+        force: true,
+    };
+    let mut rig = Rig::open("sim", "sim", instrument, &plan, ScanKind::White, Some(simulated))?;
+    let recorded = scanning::record(&job, &mut rig, map, cancel, None, &mut |_| {})?;
+    match scanning::verdict(&recorded, &path) {
+        Ok(Outcome::Done) => Ok(path),
+        Ok(Outcome::WithLoss(why)) => Err(Failure::Failed(format!("the white reference is incomplete: {why}"))),
+        Err(e) => Err(e),
+    }
+}
+
+fn certificate(a: &ScanArguments, kind: ScanKind, simulated: bool) -> Result<Option<Certificate>, Failure> {
+    match (&a.certificate, kind, simulated) {
+        (Some(path), _, _) => serde_json::from_str(&read_text(path)?)
+            .map(Some)
+            .map_err(|e| Failure::usage(format!("certificate {}: {e}", path.display()))),
+        (None, ScanKind::White, true) => Ok(Some(Certificate::virtual_white())),
+        (None, ScanKind::White, false) => {
+            Err(Failure::usage("a white reference needs its certificate: --certificate FILE (JSON)"))
+        }
+        _ => Ok(None),
+    }
+}
+
+fn provenance(a: &ScanArguments, simulated: Option<&Simulated>) -> BTreeMap<String, String> {
+    let mut p = BTreeMap::from([("program".to_owned(), format!("gonio {}", env!("CARGO_PKG_VERSION")))]);
+    if a.accept_stale {
+        p.insert("accept_stale".to_owned(), "true".to_owned());
+    }
+    if let Some(s) = simulated {
+        p.insert("seed".to_owned(), s.seed.to_string());
+        p.insert("time_scale".to_owned(), s.time_scale.to_string());
+        p.insert("misalignment".to_owned(), serde_json::to_string(&s.errors).unwrap_or_default());
+    }
+    p
+}
+
+/// A reference as the session names it: by its file name where both stand in one folder.
+fn relative(reference: &Path, session: &Path) -> String {
+    let name = if reference.parent() == session.parent() {
+        reference.file_name().map(PathBuf::from).unwrap_or_default()
+    } else {
+        reference.to_owned()
+    };
+    name.to_string_lossy().into_owned()
+}

@@ -1,0 +1,210 @@
+//! A stage and a camera, opened as the command line names them: real ones, or the virtual instrument behind the same serial code.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::time::{Instant, SystemTime, UNIX_EPOCH};
+
+use gonio_driver::camera::SocketCamera;
+use gonio_driver::stage::{Direction, Options, SerialStage};
+use gonio_instrument::{Camera, Certificate, Description, Misalignment, Plan, ScanKind, Stage, builtin};
+use gonio_sim::firmware::serve::pty::{Pty, serve_pty};
+use gonio_sim::firmware::{Faults, Firmware, Settings};
+use gonio_sim::optics::Sample;
+use gonio_sim::world::World;
+use gonio_sim::{Truth, VirtualCamera};
+
+use crate::arguments::VirtualArguments;
+use crate::outcome::Failure;
+use crate::output::read_text;
+
+/// Bytes on the wire that wait for the journal; a scan that falls behind loses log lines, never time.
+const WIRE_DEPTH: usize = 65_536;
+
+/// Bytes that went over the wire.
+pub struct WireRecord {
+    /// Which way.
+    pub direction: gonio_recording::Direction,
+    /// When, since the Unix epoch.
+    pub time: std::time::Duration,
+    /// What.
+    pub bytes: Vec<u8>,
+}
+
+/// The devices of a scan. Dropped, it leaves them safe.
+pub struct Rig {
+    /// The stage.
+    pub stage: Box<dyn Stage>,
+    /// The camera.
+    pub camera: Box<dyn Camera>,
+    /// Every byte on the wire.
+    pub wire: Receiver<WireRecord>,
+    // dropped after the stage, which still says goodbye through it
+    _virtual: Option<Pty>,
+}
+
+/// The virtual instrument as the command line describes it.
+#[derive(Clone)]
+pub struct Simulated {
+    /// What the sample is.
+    pub truth: Truth,
+    /// Text of the truth, kept in the session.
+    pub truth_text: Option<String>,
+    /// Errors of the instrument.
+    pub errors: Misalignment,
+    /// Faults.
+    pub faults: Faults,
+    /// Seed of the noise.
+    pub seed: u64,
+    /// How much faster than life.
+    pub time_scale: f64,
+}
+
+/// The paint on the holder where no truth is named: a blue of moderate gloss.
+pub const DEMO_PAINT: &str = r#"{"model":"ashikhmin-shirley-simplified","diffuse":[0.06,0.13,0.32],"specular":[0.09,0.1,0.12],"exponent":120.0}"#;
+
+impl Simulated {
+    /// Reads the files that the arguments name.
+    ///
+    /// # Errors
+    /// [`Failure::Usage`] naming the file and what is wrong in it.
+    pub fn read(a: &VirtualArguments) -> Result<Self, Failure> {
+        if !(a.time_scale > 0.0 && a.time_scale.is_finite()) {
+            return Err(Failure::usage(format!("--time-scale {}: expected a positive number", a.time_scale)));
+        }
+        let in_file = |path: &Path, e: &dyn std::fmt::Display| Failure::usage(format!("{}: {e}", path.display()));
+        let (truth, truth_text) = match &a.truth {
+            Some(path) => (
+                Truth::open(path).map_err(|e| in_file(path, &e))?,
+                std::fs::read_to_string(path).ok().filter(|t| t.len() < 1 << 20),
+            ),
+            None => (
+                Truth::from_bytes(DEMO_PAINT.as_bytes()).map_err(Failure::usage)?,
+                Some(DEMO_PAINT.to_owned()),
+            ),
+        };
+        let errors = match &a.misalignment {
+            None => Misalignment::default(),
+            Some(path) if path.as_os_str() == "builtin" => builtin::misalignment().map_err(Failure::usage)?,
+            Some(path) => Misalignment::from_toml(&read_text(path)?).map_err(|e| in_file(path, &e))?,
+        };
+        let faults = match &a.faults {
+            None => Faults::default(),
+            Some(path) => Faults::from_toml(&read_text(path)?).map_err(|e| in_file(path, &e))?,
+        };
+        Ok(Self { truth, truth_text, errors, faults, seed: a.seed, time_scale: a.time_scale })
+    }
+
+    fn firmware(&self, instrument: &Description, plan: &Plan, world: &World) -> Firmware {
+        let settings = Settings::new(instrument, self.seed, self.time_scale)
+            .with_plan(plan)
+            .with_misalignment(&self.errors);
+        Firmware::new(settings, world.clone(), self.faults.clone())
+    }
+
+    fn camera(&self, instrument: &Description, kind: ScanKind, world: &World) -> Result<VirtualCamera, Failure> {
+        let sample = Sample::of_kind(kind, &self.truth, &Certificate::virtual_white()).map_err(Failure::usage)?;
+        let camera = VirtualCamera::new(world.clone(), instrument, &self.errors, sample, self.seed);
+        Ok(camera.with_faults(self.faults.camera.clone().unwrap_or_default()))
+    }
+
+    /// The virtual instrument as a pseudo-terminal (at `link`, if given) and a camera.
+    ///
+    /// # Errors
+    /// [`Failure::Failed`] where the system gives no pseudo-terminal.
+    pub fn start(
+        &self,
+        instrument: &Description,
+        plan: &Plan,
+        kind: ScanKind,
+        link: Option<&Path>,
+    ) -> Result<(Pty, VirtualCamera), Failure> {
+        let world = World::new(self.time_scale);
+        let pty = serve_pty(self.firmware(instrument, plan, &world), link)
+            .map_err(|e| Failure::failed("the virtual stage cannot be started", e))?;
+        Ok((pty, self.camera(instrument, kind, &world)?))
+    }
+}
+
+impl Rig {
+    /// Opens stage and camera.
+    ///
+    /// # Errors
+    /// [`Failure::Usage`] for a device of no known kind, [`Failure::Device`] for one that cannot be opened.
+    pub fn open(
+        device: &str,
+        camera: &str,
+        instrument: &Description,
+        plan: &Plan,
+        kind: ScanKind,
+        simulated: Option<&Simulated>,
+    ) -> Result<Self, Failure> {
+        let (sender, wire) = sync_channel(WIRE_DEPTH);
+        let options = Options { tap: Some(tap(sender)), ..Options::default() };
+        let (path, pty, virtual_camera) = match (device, simulated) {
+            ("sim", Some(s)) => {
+                let (pty, camera) = s.start(instrument, plan, kind, None)?;
+                (pty.path.to_string_lossy().into_owned(), Some(pty), Some(camera))
+            }
+            (d, _) => match d.strip_prefix("serial:") {
+                Some(path) => (path.to_owned(), None, None),
+                None => {
+                    return Err(Failure::usage(format!(
+                        "--device {d}: expected sim or serial:PATH, for instance serial:/dev/ttyUSB0"
+                    )));
+                }
+            },
+        };
+        let camera: Box<dyn Camera> = match (camera.strip_prefix("sim:"), camera, virtual_camera) {
+            (Some(socket), _, _) => Box::new(SocketCamera::connect(Path::new(socket))?),
+            (None, "sim", Some(virtual_camera)) => Box::new(virtual_camera),
+            (None, "sim", None) => {
+                return Err(Failure::usage(
+                    "--camera sim goes with --device sim; for a virtual camera of another program give sim:SOCKET",
+                ));
+            }
+            (None, other, _) => {
+                return Err(Failure::usage(format!("--camera {other}: expected sim or sim:SOCKET")));
+            }
+        };
+        let stage = Box::new(SerialStage::open(&path, options)?);
+        Ok(Self { stage, camera, wire, _virtual: pty })
+    }
+}
+
+/// Sends every byte to the journal's end of a channel, never waiting.
+fn tap(sender: SyncSender<WireRecord>) -> gonio_driver::stage::Tap {
+    Arc::new(move |direction: Direction, at: Instant, bytes: &[u8]| {
+        let ago = at.elapsed();
+        let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        let direction = match direction {
+            Direction::ToDevice => gonio_recording::Direction::ToDevice,
+            Direction::FromDevice => gonio_recording::Direction::FromDevice,
+        };
+        let _ = sender.try_send(WireRecord { direction, time: now.saturating_sub(ago), bytes: bytes.to_vec() });
+    })
+}
+
+/// An instrument by name (`reference`, `tiny`) or from a TOML file.
+///
+/// # Errors
+/// [`Failure::Usage`] with the file's fault.
+pub fn instrument(name: &str) -> Result<Description, Failure> {
+    match builtin::description(name) {
+        Some(d) => d.map_err(Failure::usage),
+        None => Description::from_toml(&read_text(Path::new(name))?)
+            .map_err(|e| Failure::usage(format!("{name}: {e}"))),
+    }
+}
+
+/// A plan from a file, or the instrument's own; checked against the holder's limits.
+///
+/// # Errors
+/// [`Failure::Usage`] naming the pose and the limits.
+pub fn plan(path: Option<&Path>, instrument: &Description) -> Result<Plan, Failure> {
+    let Some(path) = path else { return Ok(instrument.plan.clone()) };
+    let in_file = |e: gonio_instrument::FileError| Failure::usage(format!("{}: {e}", path.display()));
+    let plan = Plan::from_toml(&read_text(path)?).map_err(in_file)?;
+    plan.check(instrument).map_err(in_file)?;
+    Ok(plan)
+}

@@ -1,0 +1,253 @@
+//! A scan from open devices to a closed session: journal, wire log, progress, state for other terminals.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::time::Duration;
+
+use gonio_acquisition::engine::{LostPose, Outcome, Progress, Setup};
+use gonio_acquisition::journal::Journal;
+use gonio_acquisition::runner::{self, Observer};
+use gonio_acquisition::PixelMap;
+use gonio_instrument::{
+    CameraInfo, Cancel, Certificate, Description, Exposure, LinkStatistics, Plan, Pose, PoseRecord, SampleRecord,
+    Sensors, StageIdentity,
+};
+use gonio_recording::{Attachment, Clock, Devices, Header, RecordingError, Session, Writer, WriterOptions};
+
+use crate::control::Control;
+use crate::outcome::Failure;
+use crate::progress;
+use crate::rig::Rig;
+
+/// What is to be recorded, and where.
+pub struct Job<'a> {
+    /// The instrument.
+    pub instrument: &'a Description,
+    /// The plan.
+    pub plan: &'a Plan,
+    /// Who and what.
+    pub sample: SampleRecord,
+    /// Certificate of a reference sample.
+    pub certificate: Option<Certificate>,
+    /// Kept in the session.
+    pub provenance: BTreeMap<String, String>,
+    /// Kept in the session.
+    pub attachments: Vec<Attachment>,
+    /// The session file.
+    pub output: &'a Path,
+    /// Go on with it.
+    pub resume: bool,
+    /// Overwrite it.
+    pub force: bool,
+}
+
+/// How a scan went.
+pub struct Recorded {
+    /// How it ended.
+    pub outcome: Outcome,
+    /// Poses on the disk, those of earlier runs included.
+    pub poses_done: u32,
+    /// Poses of the plan.
+    pub poses_total: u32,
+    /// Frames kept in this run.
+    pub frames: u32,
+    /// How the link has been doing.
+    pub link: LinkStatistics,
+    /// The stage.
+    pub stage: StageIdentity,
+    /// The camera.
+    pub camera: CameraInfo,
+}
+
+/// Runs a scan to its end. `on_pose` gets every pose that is on the disk: those of earlier runs first when resuming.
+///
+/// # Errors
+/// [`Failure`] where the session cannot be created or finished; how the scan itself ended stands in [`Recorded::outcome`].
+pub fn record(
+    job: &Job<'_>,
+    rig: &mut Rig,
+    map: &PixelMap,
+    cancel: &Cancel,
+    control: Option<&Control>,
+    on_pose: &mut dyn FnMut(PoseRecord),
+) -> Result<Recorded, Failure> {
+    let (stage, camera) = (rig.stage.identity(), rig.camera.info());
+    let mut header = Header::new(job.instrument.clone(), job.plan.clone(), job.sample.clone());
+    header.certificate.clone_from(&job.certificate);
+    header.devices = Devices { stage: stage.clone(), camera: camera.clone() };
+    header.provenance.clone_from(&job.provenance);
+    header.attachments.clone_from(&job.attachments);
+
+    let mut setup = Setup::new(job.instrument.clone(), job.plan.clone(), camera.clone(), job.sample.kind);
+    gonio_recording::check_space(job.output, job.plan, &job.instrument.camera).map_err(journal_failure)?;
+    let writer = if job.resume {
+        let (writer, done) = gonio_recording::resume(job.output, &header, Clock::System).map_err(journal_failure)?;
+        for pose in Session::open(job.output).map_err(journal_failure)?.poses().flatten() {
+            on_pose(pose);
+        }
+        setup = setup.resuming(done.done);
+        writer
+    } else {
+        let options = WriterOptions { overwrite: job.force, ..WriterOptions::default() };
+        Writer::create(job.output, &header, options).map_err(journal_failure)?
+    };
+    let mut journal = WiredJournal { writer, rig_wire: &rig.wire };
+    let total = setup.poses.len() as u32;
+    let mut watcher = Watcher {
+        bar: progress::bar(job.sample.kind.name(), u64::from(total)),
+        control,
+        on_pose,
+        last: None,
+    };
+    let outcome =
+        runner::run(setup, map, &mut *rig.stage, &mut *rig.camera, &mut journal, cancel, &mut watcher);
+    watcher.bar.finish_and_clear();
+    let last = watcher.last;
+    let _ = journal.drain();
+    let finished = journal.writer.finish();
+    let recorded = Recorded {
+        poses_done: last.map_or(0, |p| p.poses_done),
+        poses_total: total,
+        frames: last.map_or(0, |p| p.exposures_done),
+        link: rig.stage.statistics(),
+        stage,
+        camera,
+        outcome,
+    };
+    match (finished, &recorded.outcome) {
+        // a scan that ended for another reason tells that one
+        (Err(e), Outcome::Done) => Err(journal_failure(e)),
+        _ => Ok(recorded),
+    }
+}
+
+/// The outcome of a scan as the outcome of a command.
+///
+/// # Errors
+/// [`Failure`] for a scan that was refused, stopped or failed.
+pub fn verdict(recorded: &Recorded, session: &Path) -> Result<crate::Outcome, Failure> {
+    use gonio_acquisition::engine::{PreflightError, ScanError};
+    let kept = format!(
+        "{} of {} poses are kept in {}",
+        recorded.poses_done,
+        recorded.poses_total,
+        session.display()
+    );
+    match &recorded.outcome {
+        Outcome::Done => Ok(crate::Outcome::Done),
+        Outcome::Partial { lost } => {
+            let names: Vec<String> = lost.iter().map(|l| format!("pose {}: {}", l.index, l.reason)).collect();
+            Ok(crate::Outcome::WithLoss(format!("{kept}; lost: {}; take them with --resume", names.join("; "))))
+        }
+        Outcome::Aborted { emergency, .. } => Err(Failure::Failed(format!(
+            "{} on request; {kept}; go on with --resume",
+            if *emergency { "emergency stop" } else { "stopped" }
+        ))),
+        Outcome::Refused(e @ (PreflightError::Interlock | PreflightError::SampleHeight { .. })) => {
+            Err(Failure::Device(e.to_string()))
+        }
+        Outcome::Refused(e) => Err(Failure::usage(e)),
+        Outcome::Failed { error: ScanError::Device(e), .. } => {
+            Err(Failure::Device(format!("{e}; {kept}; go on with --resume")))
+        }
+        Outcome::Failed { error: ScanError::Journal(e), .. } => {
+            Err(Failure::Failed(format!("{e}; {kept}; make room and go on with --resume")))
+        }
+    }
+}
+
+/// A wrong name or a session that stands in the way is the user's to mend; a full disk is a failure.
+fn journal_failure(e: RecordingError) -> Failure {
+    match &e {
+        RecordingError::DiskFull { .. } | RecordingError::NotEnoughSpace { .. } | RecordingError::Io { .. } => {
+            Failure::Failed(e.to_string())
+        }
+        _ => Failure::usage(e),
+    }
+}
+
+/// The session's journal, with the bytes on the wire written between its other entries.
+struct WiredJournal<'a> {
+    writer: Writer,
+    rig_wire: &'a std::sync::mpsc::Receiver<crate::rig::WireRecord>,
+}
+
+impl WiredJournal<'_> {
+    fn drain(&mut self) -> Result<(), RecordingError> {
+        while let Ok(w) = self.rig_wire.try_recv() {
+            self.writer.wire(w.direction, w.time, &w.bytes)?;
+        }
+        Ok(())
+    }
+}
+
+impl Journal for WiredJournal<'_> {
+    fn check(&mut self) -> Result<(), RecordingError> {
+        Journal::check(&mut self.writer)
+    }
+
+    fn begin_pose(&mut self, index: u32, commanded: Pose, readback: Pose) -> Result<(), RecordingError> {
+        self.drain()?;
+        Journal::begin_pose(&mut self.writer, index, commanded, readback)
+    }
+
+    fn frame(&mut self, exposure: &Exposure, requested: Duration) -> Result<(), RecordingError> {
+        self.drain()?;
+        Journal::frame(&mut self.writer, exposure, requested)
+    }
+
+    fn end_pose(&mut self) -> Result<(), RecordingError> {
+        self.drain()?;
+        Journal::end_pose(&mut self.writer)
+    }
+
+    fn give_up_pose(&mut self) -> Result<(), RecordingError> {
+        Journal::give_up_pose(&mut self.writer)
+    }
+
+    fn sensors(&mut self, sensors: &Sensors) -> Result<(), RecordingError> {
+        Journal::sensors(&mut self.writer, sensors)
+    }
+
+    fn event(&mut self, serious: bool, text: &str) -> Result<(), RecordingError> {
+        Journal::event(&mut self.writer, serious, text)
+    }
+}
+
+struct Watcher<'a> {
+    bar: indicatif::ProgressBar,
+    control: Option<&'a Control>,
+    on_pose: &'a mut dyn FnMut(PoseRecord),
+    last: Option<Progress>,
+}
+
+impl Observer for Watcher<'_> {
+    fn progress(&mut self, p: &Progress) {
+        self.bar.set_position(u64::from(p.poses_done));
+        let step = format!("{:?}", p.phase).to_lowercase();
+        self.bar.set_message(format!("{step}, frame {} of about {}", p.exposures_done, p.exposures_total));
+        if let Some(c) = self.control {
+            c.update(|s| {
+                s.step = step;
+                s.poses_done = p.poses_done;
+                s.poses_total = p.poses_total;
+                s.remaining_s = p.remaining.map_or(0.0, |r| r.as_secs_f64());
+            });
+        }
+        self.last = Some(*p);
+    }
+
+    fn pose_done(&mut self, record: PoseRecord) {
+        tracing::info!("pose {} done ({}), {} frames", record.index, record.readback, record.exposures.len());
+        (self.on_pose)(record);
+    }
+
+    fn pose_lost(&mut self, lost: &LostPose) {
+        self.bar.println(format!("pose {} was given up: {}", lost.index, lost.reason));
+        tracing::warn!("pose {} was given up: {}", lost.index, lost.reason);
+    }
+
+    fn hold(&mut self) -> bool {
+        self.control.is_some_and(Control::paused)
+    }
+}

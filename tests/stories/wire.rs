@@ -53,7 +53,7 @@ fn is_safe(world: &World) -> bool {
 fn a_stage_is_driven_through_a_pseudo_terminal() {
     let folder = tempfile::tempdir().expect("a folder");
     let link = folder.path().join("ttyGONIO");
-    let (firmware, world) = firmware(20.0, Faults::default());
+    let (firmware, world) = firmware(200.0, Faults::default());
     let pty = serve_pty(firmware, Some(&link)).expect("a pseudo-terminal");
     let path = pty.path.to_str().expect("text").to_owned();
     let cancel = Cancel::new();
@@ -118,7 +118,7 @@ fn a_pulled_cable_ends_the_client_with_a_clear_error() {
 
 #[test]
 fn dropping_the_client_stops_motion_and_closes_the_shutter() {
-    let (transport, _served, world) = in_memory(1.0, Faults::default());
+    let (transport, _served, world) = in_memory(5.0, Faults::default());
     let mut stage = connect(transport);
     stage.home(&Cancel::new()).expect("homed");
     stage.set_shutter(true).expect("open");
@@ -137,7 +137,7 @@ fn dropping_the_client_stops_motion_and_closes_the_shutter() {
 
 #[test]
 fn a_client_that_loses_its_line_in_mid_motion_leaves_a_safe_device_behind() {
-    let (transport, _served, world) = in_memory(1.0, Faults::default());
+    let (transport, _served, world) = in_memory(5.0, Faults::default());
     let faults = LineFaults { hang_up_after: Some(3_000), ..LineFaults::default() };
     let mut stage = connect(FaultyTransport::new(transport, faults, 1));
     let cancel = Cancel::new();
@@ -178,7 +178,7 @@ fn on_a_bad_line_every_command_is_executed_exactly_once() {
 
 #[test]
 fn a_stop_request_ends_a_move_and_leaves_the_stage_usable() {
-    let (transport, _served, world) = in_memory(1.0, Faults::default());
+    let (transport, _served, world) = in_memory(5.0, Faults::default());
     let mut stage = connect(transport);
     let cancel = Cancel::new();
     stage.home(&cancel).expect("homed");
@@ -198,7 +198,7 @@ fn a_stop_request_ends_a_move_and_leaves_the_stage_usable() {
 
 #[test]
 fn an_emergency_stop_from_another_thread_is_obeyed_and_stays_until_rearmed() {
-    let (transport, _served, world) = in_memory(1.0, Faults::default());
+    let (transport, _served, world) = in_memory(5.0, Faults::default());
     let mut stage = connect(transport);
     let cancel = Cancel::new();
     stage.home(&cancel).expect("homed");

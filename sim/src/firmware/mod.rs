@@ -78,6 +78,7 @@ impl Firmware {
     /// A controller that has just been switched on in `world`, with `faults` to come.
     pub fn new(settings: Settings, world: World, faults: Faults) -> Firmware {
         let boot = settings.boot;
+        world.update(|state| state.time_scale = settings.time_scale);
         let mut firmware = Firmware {
             device: Device::new(identity(&settings, &faults, boot)),
             boot,
@@ -184,8 +185,8 @@ impl Firmware {
 
     fn real_time(&self, t: f64) -> Duration {
         // A hair later, so that a poll at that time finds it reached in spite of rounding.
-        Duration::try_from_secs_f64(t / self.settings.time_scale).unwrap_or(Duration::MAX)
-            + Duration::from_nanos(1)
+        let at = Duration::try_from_secs_f64(t / self.settings.time_scale).unwrap_or(Duration::MAX);
+        at.saturating_add(Duration::from_nanos(1))
     }
 
     fn is_silent(&self, now: Duration) -> bool {

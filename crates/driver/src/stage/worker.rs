@@ -229,6 +229,7 @@ impl Worker {
 
     /// The client is gone: stop motion, close the shutter, let the device acknowledge, then close the port.
     fn farewell(&mut self) -> Result<(), DeviceError> {
+        self.fail_all(&DeviceError::Gone { device: self.transport.name().to_owned() });
         let end = Instant::now() + FAREWELL;
         for command in [Command::Stop, Command::Shutter { open: false }] {
             self.next_id = self.next_id.wrapping_add(1);

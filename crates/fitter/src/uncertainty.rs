@@ -1,8 +1,8 @@
 //! Covariance of the parameters of a weighted fit, and how well conditioned it is.
 //!
-//! With J the derivatives, W the weights and H = Σ W J Jᵀ the covariance is the sandwich H⁻¹ M H⁻¹. M is the larger of two: the stated variances,
-//! Σ W² σ² J Jᵀ (where the data have σ), and what the residuals show, Σ_g (Σ_{i∈g} W r J)(Σ_{i∈g} W r J)ᵀ over blocks g of neighbouring
-//! cells. Weights that are no inverse variances, errors of the model and errors shared by neighbours are all covered by that.
+//! With J the derivatives, W the weights and H = Σ W J Jᵀ the covariance is the sandwich H⁻¹ M H⁻¹. M comes from the stated variances,
+//! Σ W² σ² J Jᵀ, or from what the residuals show, Σ_g (Σ_{i∈g} W r J)(Σ_{i∈g} W r J)ᵀ over blocks g of neighbouring cells: the second
+//! alone where a σ is missing, both together where the residuals show more than twice the stated variance. Weights that are no inverse variances, errors of the model and errors shared by neighbours are all covered by that.
 //! An uncertainty u common to all values scales cd and cs together: u² g gᵀ is added, g holding cd and cs.
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
@@ -94,7 +94,11 @@ pub(crate) fn covariance(
     let (a, b) = (part(&stated), part(&seen));
     // trace(H⁻¹ M): the size of M as the parameters feel it
     let size = |x: &DMatrix<f64>| (&inverse * x).trace();
-    let meat = if all_stated && size(&a) >= size(&b) { a } else { b };
+    let meat = match (all_stated, size(&b) > 2.0 * size(&a)) {
+        (true, false) => a,
+        (true, true) => a + b,
+        (false, _) => b,
+    };
     let cov = &inverse * meat * &inverse;
     for i in 0..m {
         for j in 0..m {

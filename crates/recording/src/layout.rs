@@ -116,4 +116,7 @@ pub mod attachment {
     pub const PROVENANCE: &str = "provenance.json";
     /// In a recovered session: what was lost.
     pub const RECOVERY: &str = "recovery.json";
+    /// All of these.
+    pub const OURS: [&str; 8] =
+        [SESSION, INSTRUMENT, PLAN, SAMPLE, CERTIFICATE, DEVICES, PROVENANCE, RECOVERY];
 }

@@ -87,6 +87,10 @@ fn finish_in_place(segment: &Segment) -> Result<(), RecordingError> {
     let file = OpenOptions::new().read(true).write(true).open(&segment.path).map_err(|e| io(&e))?;
     crate::writer::lock(&file, &segment.path)?;
     let end = segment.sealed_end();
+    if end == 0 {
+        // without a seal nothing says what is whole: leave it for `recover`
+        return Ok(());
+    }
     let (mut kept, mut unsealed) = (Vec::new(), Vec::new());
     for entry in &segment.chunks {
         // a damaged chunk stays in the file, but the summary does not lead readers to it

@@ -302,11 +302,31 @@ impl Segment {
     }
 
     fn find_end(&mut self) -> Result<(), RecordingError> {
-        let Some(footer_at) = self.length.checked_sub(FOOTER_LENGTH + 8) else { return Ok(()) };
+        let (Some(footer_at), Some(data_end)) = (self.length.checked_sub(FOOTER_LENGTH + 8), self.data_end)
+        else {
+            return Ok(());
+        };
         let tail = self.read(footer_at, FOOTER_LENGTH + 8)?;
         let mut b = Bytes::new(&tail);
         let is_footer = b.record().is_some_and(|(o, body)| o == op::FOOTER && body.len() == 20);
-        self.finished = self.data_end.is_some() && is_footer && b.rest() == MAGIC;
+        self.finished = is_footer && b.rest() == MAGIC;
+        if self.finished {
+            // a damaged length among the attachments hides those behind it; the summary knows them too
+            let from = data_end + RECORD_HEAD + 4;
+            let summary = self.read(from, footer_at.saturating_sub(from))?;
+            let mut b = Bytes::new(&summary);
+            while let Some((opcode, body)) = b.record() {
+                let mut i = Bytes::new(body);
+                if opcode == op::ATTACHMENT_INDEX
+                    && let (Some(offset), Some(length)) = (i.u64(), i.u64())
+                    && length <= ATTACHMENT_LIMIT
+                    && offset.checked_add(length).is_some_and(|end| end <= data_end)
+                    && !self.attachments.contains(&(offset, length))
+                {
+                    self.attachments.push((offset, length));
+                }
+            }
+        }
         Ok(())
     }
 

@@ -9,7 +9,7 @@ use serde::de::DeserializeOwned;
 
 use crate::RecordingError;
 use crate::chunk::{Chunk, RecordedPose};
-use crate::header::{Devices, SessionRecord};
+use crate::header::{Attachment, Devices, Header, SessionRecord};
 use crate::layout::{FORMAT, Topic, VERSION, attachment};
 use crate::message::{Log, SensorReading, Wire};
 use crate::paths::{continuations, segment_path};
@@ -279,6 +279,29 @@ impl Session {
     /// As [`Session::instrument`].
     pub fn provenance(&self) -> Result<BTreeMap<String, String>, RecordingError> {
         self.json(attachment::PROVENANCE)
+    }
+
+    /// The whole head again, as a continued scan wants it.
+    ///
+    /// # Errors
+    /// As [`Session::instrument`].
+    pub fn header(&self) -> Result<Header, RecordingError> {
+        let extra = self.attachments.iter().filter(|(name, _)| !attachment::OURS.contains(&name.as_str()));
+        Ok(Header {
+            instrument: self.instrument()?,
+            plan: self.plan()?,
+            sample: self.sample()?,
+            certificate: self.certificate()?,
+            devices: self.devices()?,
+            provenance: self.provenance()?,
+            attachments: extra
+                .map(|(name, a)| Attachment {
+                    name: name.clone(),
+                    media_type: a.media_type.clone(),
+                    data: a.data.clone(),
+                })
+                .collect(),
+        })
     }
 
     /// Indices of the poses that seem whole, ascending; whether they are is known when they are read.

@@ -7,7 +7,7 @@ use std::os::unix::fs::FileExt as _;
 use std::path::Path;
 
 use gonio_instrument::PoseRecord;
-use gonio_recording::{RecordingError, Session, Status, Writer, recover, verify};
+use gonio_recording::{Header, RecordingError, Session, Status, Writer, recover, resume, verify};
 use made::{exposure, header, options, pose, write};
 use proptest::prelude::*;
 
@@ -63,12 +63,16 @@ fn every_flip_is_reported(path: &Path, wanted: &[PoseRecord], bytes: std::ops::R
     assert_eq!(verify(path).expect("readable"), whole, "the file is as it was");
 }
 
-/// A session as small as they come: what is long in the header does not make the test better.
-fn smallest(path: &Path, finished: bool) -> Vec<PoseRecord> {
+fn smallest_header() -> Header {
     let mut h = header();
     h.attachments.clear();
     h.certificate = None;
-    let mut w = Writer::create(path, &h, options()).expect("created");
+    h
+}
+
+/// A session as small as they come: what is long in the header does not make the test better.
+fn smallest(path: &Path, finished: bool) -> Vec<PoseRecord> {
+    let mut w = Writer::create(path, &smallest_header(), options()).expect("created");
     let mut records = Vec::new();
     for i in 0..2 {
         let record = PoseRecord {
@@ -197,6 +201,20 @@ fn a_damaged_session_is_recovered_without_the_damage() {
 }
 
 #[test]
+fn a_damaged_attachment_hides_no_other() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let path = dir.path().join("s.mcap");
+    write(&path, &header(), 8, 8, 1);
+    let bytes = std::fs::read(&path).expect("readable");
+    let first = record_boundaries(&bytes).into_iter().find(|&at| bytes[at] == 9).expect("an attachment");
+    let file = OpenOptions::new().read(true).write(true).open(&path).expect("opens");
+    flip(&file, first as u64 + 2, 2);
+    let s = Session::open(&path).expect("opens");
+    assert_eq!(s.header().expect("all of it"), header());
+    assert_eq!(verify(&path).expect("readable").status, Status::ReadableWithLoss);
+}
+
+#[test]
 fn a_foreign_file_is_refused_by_name() {
     let dir = tempfile::tempdir().expect("a folder");
     let path = dir.path().join("s.mcap");
@@ -245,6 +263,12 @@ proptest! {
         if recover(&path, &out, false).is_ok() {
             prop_assert_eq!(verify(&out).expect("readable").findings.iter().filter(|f| !f.what.ends_with("is lost")).count(), 0);
             only_true_poses(&out, &wanted);
+        }
+        let before = only_true_poses(&path, &wanted);
+        if let Ok((w, p)) = resume(&path, &smallest_header(), options().clock) {
+            prop_assert_eq!(p.done.len(), before);
+            w.finish().expect("finished");
+            prop_assert_eq!(only_true_poses(&path, &wanted), before, "what was measured is kept");
         }
     }
 }

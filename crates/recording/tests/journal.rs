@@ -26,6 +26,7 @@ fn what_is_written_comes_back_bit_for_bit() {
     assert_eq!(s.certificate().expect("certificate"), h.certificate);
     assert_eq!(s.devices().expect("devices"), h.devices);
     assert_eq!(s.provenance().expect("provenance"), h.provenance);
+    assert_eq!(s.header().expect("the whole head"), h);
     let got: Vec<_> = s.poses().collect::<Result<_, _>>().expect("whole");
     assert_eq!(got, wanted);
     let events: Vec<_> = s.events().map(|e| (e.level, e.text)).collect();

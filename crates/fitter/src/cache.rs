@@ -11,8 +11,8 @@ use gonio_optics::Angle;
 const KEPT: usize = 3;
 /// Step of the coarse search in ln n.
 const STEP: f64 = 0.5;
-/// Number of its exponents: 1 … e^11.5 ≈ 1e5.
-pub(crate) const KNOTS: usize = 24;
+/// Number of its exponents: 1 … e^9 ≈ 8.1e3.
+pub(crate) const KNOTS: usize = 19;
 
 /// Exponent of a knot of the coarse search.
 pub(crate) fn knot(k: usize) -> f64 {

@@ -224,7 +224,7 @@ fn search(problem: &Problem, range: (f64, f64), with_r0: bool) -> Point {
             continue;
         }
         let (a, b) = (at[k.saturating_sub(1)], at[(k + 1).min(last)]);
-        let (x, v) = minimise(a, b, 1e-6, |x| squares(&point(x.exp(), &problem.sums(At::Exponent(x.exp())))));
+        let (x, v) = minimise(a, b, 1e-5, |x| squares(&point(x.exp(), &problem.sums(At::Exponent(x.exp())))));
         // a bracket at the end of the range: the end itself may be lowest
         let (x, v) = if values[k] < v { (at[k], values[k]) } else { (x, v) };
         if best.as_ref().is_none_or(|(w, _)| v < *w) {

@@ -107,7 +107,7 @@ pub struct Options {
     /// Relative standard uncertainty common to all cells (reference, lamp, gain): added to the covariance of cd and cs. `None` takes the
     /// attribute `common_relative_uncertainty` of the data, 0 where there is none.
     pub common_relative_uncertainty: Option<f64>,
-    /// Exponents searched.
+    /// Exponents searched, within 1 … 8.1e3: beyond, lamp and cells of 2.5° hide the lobe.
     pub exponent_range: (f64, f64),
 }
 
@@ -119,7 +119,7 @@ impl Default for Options {
             max_angle: Angle::from_degrees(75.0),
             include_filled: false,
             common_relative_uncertainty: None,
-            exponent_range: (1.0, 1e5),
+            exponent_range: (1.0, 8.1e3),
         }
     }
 }

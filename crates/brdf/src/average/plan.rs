@@ -3,7 +3,7 @@
 //! Near its peak a lobe (n·h)^n is exp(−n|p|²/2) with p the tangential part of the half vector. Over a box that moves p by ±δ its
 //! logarithm changes by k ≈ n p·δ, and a Gauss rule of m nodes integrates exp(kx) with a relative error of C_m k^2m. So each box gets the
 //! smallest m that keeps the error below the tolerance and is halved where m would exceed 8. In the tail, where the lobe has
-//! fallen to e^(−d²/2) of its peak, an error larger by e^(d²/8) is allowed.
+//! fallen to e^(−d²/2) of its peak, an error larger by e^(d²/4) is allowed.
 
 use std::sync::OnceLock;
 
@@ -14,9 +14,9 @@ use super::CellBounds;
 /// Largest Gauss rule before a box is halved.
 const MAX_ORDER: usize = 8;
 /// Relative error aimed at.
-const TOLERANCE: f64 = 1e-5;
-/// A lobe below e^−50 of its peak is nothing.
-const NOTHING: f64 = 50.0;
+const TOLERANCE: f64 = 2e-5;
+/// A lobe below e^−23 of its peak (1e-10) is nothing.
+const NOTHING: f64 = 23.0;
 /// Boxes are not halved more often than this.
 const MAX_DEPTH: usize = 24;
 /// Half widths of a lobe that a cell may hold before a whole grid's worth of nodes stops following it: wide cells under narrow lobes
@@ -161,7 +161,7 @@ impl Plan {
 
     /// Factor on k² that the tail of the lobe allows.
     fn relief(&self, nearest: f64) -> f64 {
-        (-self.low * nearest * nearest / 32.0).max(-2.0).exp()
+        (-self.low * nearest * nearest / 16.0).max(-2.0).exp()
     }
 
     fn boxed(
@@ -244,6 +244,18 @@ fn rule(n: usize) -> &'static [(f64, f64)] {
     &rules[n.min(32)]
 }
 
+/// Radon's rule of degree 5 on the disc: the centre with weight 1/4, six points at √(2/3) of the radius with 1/8.
+fn seven_points(cell: &CellBounds, axis: Vec3) -> Vec<(Vec3, f64)> {
+    let (in_plane, across) = (Vec3::from_polar(cell.theta_i + Angle::RIGHT, Angle::ZERO), Vec3::Y);
+    let one_minus_cos = 2.0 / 3.0 * 2.0 * (cell.lamp_half_angle * 0.5).sin().powi(2);
+    let (c, s) = (1.0 - one_minus_cos, (one_minus_cos * (2.0 - one_minus_cos)).sqrt());
+    let ring = (0..6).map(|j| {
+        let (sp, cp) = (std::f64::consts::TAU * f64::from(j) / 6.0).sin_cos();
+        (in_plane * (s * cp) + across * (s * sp) + axis * c, 0.125)
+    });
+    std::iter::once((axis, 0.25)).chain(ring).collect()
+}
+
 /// Directions over the lamp's disc with weights summing to 1: Gauss in the squared radius times equal angles, as fine as a change
 /// k (squared) of the logarithm over the radius needs. Symmetric about the plane of incidence.
 fn lamp_rule(cell: &CellBounds, k2: f64) -> Vec<(Vec3, f64)> {
@@ -252,6 +264,9 @@ fn lamp_rule(cell: &CellBounds, k2: f64) -> Vec<(Vec3, f64)> {
         return vec![(axis, 1.0)];
     }
     // errors: (k/2)^4m/((2m)!)² · E[P_m²] radially, I_K(k r) around; both below the tolerance
+    if (0.088..0.75).contains(&k2) {
+        return seven_points(cell, axis);
+    }
     let (radial, angles) = match k2 {
         k if k < 0.0075 => (1, 3),
         k if k < 0.088 => (1, 4),

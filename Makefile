@@ -1,6 +1,8 @@
 # make demo     scan, record, process and fit a virtual paint, with pictures: out/demo
 # make test     every test, formatting and lints
 # make figures  the figures this project promises, each with value, bound, seed and command; ONLY=name for one of them
+SHELL := /bin/bash
+.SHELLFLAGS := -o pipefail -c
 TARGET := $(or $(CARGO_TARGET_DIR),target)
 export GONIO_PYTHON ?= $(abspath $(TARGET))/python/bin/python
 
@@ -18,8 +20,8 @@ test:
 	@scripts/set-up test
 	cargo fmt --all --check
 	cargo clippy --locked --workspace --all-targets -- -D warnings
-	cargo test --locked --workspace
-	@scripts/data-tally
+	cargo test --locked --workspace 2>&1 | tee $(TARGET)/test.log
+	@scripts/data-tally $(TARGET)/test.log
 
 figures:
 	@scripts/set-up build

@@ -1,7 +1,14 @@
 //! One integration binary: a module per story.
 
+mod bad_input;
+mod command;
 mod formats;
+mod golden_tables;
+mod golden_tables;
 mod house;
+mod laws;
+mod laws;
+mod main_job;
 mod real_data;
 mod two_optics_agree;
 mod wire;

@@ -1,0 +1,89 @@
+//! The figures the project promises: each is measured here and printed with its bound, seed and the command that reproduces it.
+//!
+//! `make figures` prints all of them, `make figures ONLY=cells` those of one group; the exit code is 1 on a miss.
+
+mod demo;
+mod materials;
+mod models;
+mod paints;
+mod scans;
+
+use std::process::ExitCode;
+
+/// One measured figure.
+pub struct Figure {
+    name: String,
+    value: String,
+    bound: String,
+    seed: String,
+    met: bool,
+}
+
+impl Figure {
+    /// A figure that must not exceed its bound.
+    fn at_most(name: impl Into<String>, value: f64, bound: f64, seed: impl ToString) -> Self {
+        Self {
+            name: name.into(),
+            value: format!("{value:.4e}"),
+            bound: format!("≤ {bound}"),
+            seed: seed.to_string(),
+            met: value <= bound,
+        }
+    }
+
+    /// A figure that must lie in a range.
+    fn within(name: impl Into<String>, value: f64, low: f64, high: f64, seed: impl ToString) -> Self {
+        Self {
+            name: name.into(),
+            value: format!("{value:.4}"),
+            bound: format!("{low} … {high}"),
+            seed: seed.to_string(),
+            met: (low..=high).contains(&value),
+        }
+    }
+
+    /// A figure that is met or not, in words.
+    fn said(name: impl Into<String>, value: impl Into<String>, bound: &str, seed: impl ToString, met: bool) -> Self {
+        Self { name: name.into(), value: value.into(), bound: bound.to_owned(), seed: seed.to_string(), met }
+    }
+}
+
+type Group = (&'static str, fn() -> Vec<Figure>);
+
+const GROUPS: &[Group] = &[
+    ("models", models::figures),
+    ("materials", materials::figures),
+    ("demo", demo::figures),
+    ("paints", paints::demo_paint),
+    ("cells", paints::cells),
+    ("exponents", paints::exponents),
+    ("hard-pairs", paints::hard_pairs),
+    ("replay", paints::replay),
+];
+
+#[allow(clippy::print_stdout)] // the table is what this program is for
+fn main() -> ExitCode {
+    let only = std::env::args().nth(1).filter(|o| !o.is_empty());
+    if let Some(o) = &only
+        && !GROUPS.iter().any(|g| g.0 == o)
+    {
+        let names: Vec<&str> = GROUPS.iter().map(|g| g.0).collect();
+        eprintln!("no figures \"{o}\"; there are {}", names.join(", "));
+        return ExitCode::from(2);
+    }
+    let mut missed = 0;
+    for (group, figures) in GROUPS.iter().filter(|g| only.as_deref().is_none_or(|o| o == g.0)) {
+        println!("\n{group}   (make figures ONLY={group})");
+        for f in figures() {
+            let mark = if f.met { "ok  " } else { "MISS" };
+            println!("  {mark} {:<58} {:<28} bound {:<14} seed {}", f.name, f.value, f.bound, f.seed);
+            missed += usize::from(!f.met);
+        }
+    }
+    if missed == 0 {
+        ExitCode::SUCCESS
+    } else {
+        println!("\n{missed} figures missed");
+        ExitCode::FAILURE
+    }
+}

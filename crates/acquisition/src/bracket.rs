@@ -127,7 +127,7 @@ impl Bracket {
 
     /// The next exposure, or `None` when the pose is well exposed or nothing more can be done.
     #[must_use]
-    pub fn next(&self) -> Option<Duration> {
+    pub fn proposal(&self) -> Option<Duration> {
         let Some(last) = self.taken.last() else { return Some(duration(self.guess_s)) };
         if self.taken.len() >= self.most as usize {
             return None;

@@ -38,6 +38,17 @@ struct PixelValue {
     reference: f32,
 }
 
+/// How the pixels of a pose become cells.
+#[derive(Clone, Copy, Debug)]
+pub struct Binning {
+    /// Mean of cos θ' over the lamp's disc.
+    pub mean_cos_i: f64,
+    /// Azimuths of the grid.
+    pub azimuths: usize,
+    /// See [`crate::Options::min_coverage`].
+    pub min_coverage: f64,
+}
+
 /// The cells of a pose, θo by φ as in [`gonio_brdf::Grid::index`] without θi; `None` where too little was seen.
 #[must_use]
 pub fn cells(
@@ -46,10 +57,9 @@ pub fn cells(
     weights: &Weights,
     merged: &MergedPose,
     white: &WhiteReference,
-    mean_cos_i: f64,
-    azimuths: usize,
-    min_coverage: f64,
+    bins: &Binning,
 ) -> Vec<Option<Cell>> {
+    let (mean_cos_i, azimuths, min_coverage) = (bins.mean_cos_i, bins.azimuths, bins.min_coverage);
     let spot = map.description().lamp.spot_radius_mm;
     let cos_i = view.theta_i.cos();
     // footprints matter only at grazing view: 0.26 is the cosine of 75°
@@ -150,7 +160,7 @@ fn one(weights: &Weights, pixels: &[PixelValue], sides: [usize; 2], min_coverage
         return None;
     }
     let mut cell = Cell::default();
-    for c in 0..3 {
+    for c in [0, 1, 2] {
         let total = |f: fn(&Sum) -> f64| used.iter().map(|&k| f(&sums[k][c])).sum::<f64>();
         let w = total(|s| s.w);
         cell.value[c] = total(|s| s.value) / w;

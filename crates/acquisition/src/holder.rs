@@ -85,8 +85,7 @@ impl Holder {
         let thick = h.crank.radius_mm + margin;
         // past its axis by its radius, where it meets the web that leads to the shaft
         let bar = Cylinder::between(crank, crank + end + shaft_axis * thick, thick);
-        let web_at = end + shaft_axis * (0.5 * h.crank.radius_mm);
-        let web = Cylinder::between(web_at + n * h.shaft.radius_mm.min(0.0), web_at + crank, thick);
+        let web = Cylinder::between(end + crank - n * thick, end + n * margin, thick);
         let shaft = Cylinder::between(
             shaft_axis * (h.shaft.from_mm - margin),
             shaft_axis * (4.0 * description.mirror.a),

@@ -8,7 +8,7 @@ use gonio_brdf::{Flag, Measured};
 use gonio_instrument::{PoseRecord, SampleRecord};
 use gonio_optics::{Angle, Vec3, quadrature};
 
-use crate::cells::cells;
+use crate::cells::{Binning, cells};
 use crate::dark::{DarkFrames, DarkModel};
 use crate::error::AcquisitionError;
 use crate::fill::fill;
@@ -116,18 +116,19 @@ impl Reducer {
         let light = Vec3::from_polar(view.theta_i, Angle::ZERO);
         let lights = quadrature::cone(light, self.map.description().lamp.half_angle(), 4);
         let mean_cos = lights.iter().map(|l| l.z.max(0.0)).sum::<f64>() / lights.len() as f64;
-        let azimuths = self.options.grid.phi_deg.len();
         let found = cells(
             &self.map,
             view,
             weights,
             &merged,
             &self.white,
-            mean_cos.max(gonio_optics::COS_FLOOR),
-            azimuths,
-            self.options.min_coverage,
+            &Binning {
+                mean_cos_i: mean_cos.max(gonio_optics::COS_FLOOR),
+                azimuths: self.options.grid.phi_deg.len(),
+                min_coverage: self.options.min_coverage,
+            },
         );
-        // rows within a tenth of a degree of their node are on it as far as the encoders' rounding goes
+        // two thousandths of a degree are the encoders' rounding
         self.rows[ti].add(
             &found,
             Angle::from_degrees(if off < 2e-3 { 0.0 } else { off }),

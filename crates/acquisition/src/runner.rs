@@ -64,8 +64,18 @@ pub fn run(
 ) -> Outcome {
     let start = Instant::now();
     let mut engine = Engine::new(setup);
-    let mut hands =
-        Hands { map, stage, camera, journal, cancel, observer, frame: None, record: None, judge: None };
+    let mut hands = Hands {
+        map,
+        stage,
+        camera,
+        journal,
+        cancel,
+        observer,
+        frame: None,
+        record: None,
+        judge: None,
+        last_row: None,
+    };
     let mut lost = 0;
     loop {
         engine.handle(Event::Tick(start.elapsed()));
@@ -76,7 +86,7 @@ pub fn run(
         }
         let hold = hands.observer.hold();
         engine.handle(if hold { Event::Pause } else { Event::Resume });
-        match engine.next() {
+        match engine.step() {
             Step::Do(action) => {
                 let event = hands.act(&action);
                 engine.handle(event);
@@ -113,6 +123,8 @@ struct Hands<'a> {
     record: Option<PoseRecord>,
     /// Bracketing's memory of the pose, made with its first lit frame.
     judge: Option<Judge>,
+    /// Last row of the frame before, by which a torn or frozen one is known.
+    last_row: Option<Vec<u16>>,
 }
 
 fn device<T>(result: Result<T, DeviceError>, event: impl FnOnce(T) -> Event) -> Event {
@@ -197,6 +209,17 @@ impl Hands<'_> {
                 ),
             });
         }
+        if let Some(before) = &self.last_row
+            && self.map.description().camera.read_noise_e > 0.0
+            && stale(before, &frame)
+        {
+            return Event::Failed(DeviceError::BadFrame {
+                sequence: frame.sequence,
+                reason: "its last row is that of the frame before, noise and all: the transfer was torn or stood still"
+                    .to_owned(),
+            });
+        }
+        self.last_row = frame.pixels.chunks_exact(self.map.width()).next_back().map(<[u16]>::to_vec);
         let summary = if light {
             let (map, record) = (self.map, &self.record);
             let readback = record.as_ref().map_or_else(Pose::default, |r| r.readback);
@@ -223,6 +246,13 @@ impl Hands<'_> {
         }
         Event::Done
     }
+}
+
+/// Whether a frame ends with the very counts of the frame before; a row without any structure tells nothing.
+fn stale(before: &[u16], frame: &Frame) -> bool {
+    let Some(row) = frame.pixels.chunks_exact(before.len().max(1)).next_back() else { return false };
+    let level = row.first().copied().unwrap_or(0);
+    row == before && row.iter().filter(|v| **v != level).count() > row.len() / 8
 }
 
 /// Pixels that bracketing cares for: those that see the sample below grazing.

@@ -89,6 +89,14 @@ fn slope_squared(grid: &Grid, cells: &[Option<RowCell>], to: usize, phi: usize) 
     };
     let Some(here) = at(to, phi) else { return [0.0; 3] };
     let theta = |o: usize| grid.theta_o_deg[o];
+    if to == 0 {
+        // the cap has no azimuth: its steepest side counts
+        let step = (theta(1) - theta(0)).to_radians();
+        let rims = (0..np).filter_map(|p| at(1, p));
+        return rims.fold([0.0; 3], |most, rim| {
+            [0, 1, 2].map(|c| f64::max(most[c], ((rim[c] - here[c]) / step).powi(2)))
+        });
+    }
     let d_theta = along(
         to.checked_sub(1).and_then(|o| Some((at(o, phi)?, theta(o)))),
         (here, theta(to)),
@@ -96,14 +104,10 @@ fn slope_squared(grid: &Grid, cells: &[Option<RowCell>], to: usize, phi: usize) 
     );
     let sine = theta(to).to_radians().sin();
     let azimuth = |p: usize| grid.phi_deg[p] * sine;
-    let d_phi = if to == 0 {
-        [0.0; 3]
-    } else {
-        along(
-            phi.checked_sub(1).and_then(|p| Some((at(to, p)?, azimuth(p)))),
-            (here, azimuth(phi)),
-            (phi + 1 < np).then(|| at(to, phi + 1).map(|v| (v, azimuth(phi + 1)))).flatten(),
-        )
-    };
+    let d_phi = along(
+        phi.checked_sub(1).and_then(|p| Some((at(to, p)?, azimuth(p)))),
+        (here, azimuth(phi)),
+        (phi + 1 < np).then(|| at(to, phi + 1).map(|v| (v, azimuth(phi + 1)))).flatten(),
+    );
     [0, 1, 2].map(|c| d_theta[c] * d_theta[c] + d_phi[c] * d_phi[c])
 }

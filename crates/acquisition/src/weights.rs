@@ -195,7 +195,7 @@ fn parts(map: &PixelMap, view: &PoseView, bins: &Bins) -> Vec<Part> {
 
 fn split(map: &PixelMap, view: &PoseView, bins: &Bins, pixel: usize, out: &mut Vec<Part>) {
     let corners = map.corners(pixel);
-    if corners.iter().any(|c| *c == Vec3::ZERO) {
+    if corners.contains(&Vec3::ZERO) {
         return;
     }
     let c = corners.map(|d| view.sample_from_lab.apply(d));

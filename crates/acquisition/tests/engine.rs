@@ -144,7 +144,7 @@ fn play(mut engine: Engine, troubles: &[Trouble]) -> (Outcome, Model) {
             _ => {}
         }
         engine.handle(Event::Tick(Duration::from_secs(k as u64)));
-        match engine.next() {
+        match engine.step() {
             Step::Do(action) => {
                 let recording =
                     matches!(action, Action::Record { .. } | Action::EndPose | Action::BeginPose { .. });
@@ -215,7 +215,7 @@ fn what_does_not_fit_is_refused_before_anything_moves() {
     let mut engine = Engine::new(setup(ScanKind::Sample));
     let mut log = Vec::new();
     let outcome = loop {
-        match engine.next() {
+        match engine.step() {
             Step::Do(a) => {
                 let e = match a {
                     Action::ReadSensors => Event::Sensors(Sensors { sample_height_mm: 0.7, ..warm() }),
@@ -249,11 +249,11 @@ fn a_full_disk_ends_the_scan_with_the_poses_before_it() {
 fn a_pause_holds_and_resumes() {
     let mut engine = Engine::new(setup(ScanKind::Sample));
     engine.handle(Event::Pause);
-    assert_eq!(engine.next(), Step::Wait);
+    assert_eq!(engine.step(), Step::Wait);
     engine.handle(Event::Resume);
-    assert_eq!(engine.next(), Step::Do(Action::CheckJournal));
+    assert_eq!(engine.step(), Step::Do(Action::CheckJournal));
     // asked again while under way, the same action is under way
-    assert_eq!(engine.next(), Step::Do(Action::CheckJournal));
+    assert_eq!(engine.step(), Step::Do(Action::CheckJournal));
     engine.handle(Event::Moved(Pose::default()));
 }
 

@@ -67,7 +67,7 @@ fn residuals(m: &Measured, truth: &dyn Brdf) -> Vec<([usize; 3], usize, f64, f64
         }
         let cell = m.grid.coordinates(i);
         let t = average::cell_mean(truth, &m.grid, m.meaning, cell, 6, 2);
-        for c in 0..3 {
+        for c in [0, 1, 2] {
             let e = f64::from(m.values[i][c]) - t[c];
             out.push((cell, c, e / f64::from(m.sigma[i][c]), e / t[c]));
         }

@@ -283,7 +283,7 @@ fn a_scan_and_its_reduction_meet_the_truth_and_are_the_same_on_any_number_of_thr
         }
         let t =
             gonio_brdf::average::cell_mean(&truth(), &one.grid, one.meaning, one.grid.coordinates(i), 6, 2);
-        for c in 0..3 {
+        for c in [0, 1, 2] {
             let z = ((f64::from(v[c]) - t[c]) / f64::from(s[c])).abs();
             n += 1;
             within1 += usize::from(z <= 1.0);

@@ -30,7 +30,7 @@ impl Engine {
             return State::EndPose;
         }
         self.tries = 0;
-        match self.bracket.next() {
+        match self.bracket.proposal() {
             Some(t) => {
                 self.requested = t;
                 State::Open
@@ -105,7 +105,7 @@ impl Engine {
         }
         self.bracket.add(summary);
         let before = self.requested;
-        match self.bracket.next() {
+        match self.bracket.proposal() {
             Some(t) if t != before => self.requested = t,
             _ => self.state = State::Close,
         }

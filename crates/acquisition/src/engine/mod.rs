@@ -1,4 +1,4 @@
-//! The scan as a state machine without clock, thread or I/O: [`Engine::next`] says what to do, [`Engine::handle`] takes what came of it.
+//! The scan as a state machine without clock, thread or I/O: [`Engine::step`] says what to do, [`Engine::handle`] takes what came of it.
 //!
 //! preflight (journal, sensors, shutter closed) → home → lamp → for each pose: move, dark frames (at the plan's first pose, shutter closed),
 //! shutter open, bracket, shutter closed, pose done → lamp off → finished. However it ends, the last things asked for are: motion stopped, shutter
@@ -306,7 +306,7 @@ impl Engine {
     }
 
     /// What to do now. While an action is under way the same one is returned again.
-    pub fn next(&mut self) -> Step {
+    pub fn step(&mut self) -> Step {
         if self.state == State::Ended {
             return Step::End(self.outcome.clone().unwrap_or(Outcome::Done));
         }

@@ -20,14 +20,15 @@ impl Lease {
         self.expires = Some(now.saturating_add(self.length));
     }
 
-    /// Renews it if it is held and has not expired; an expired lease must be noticed, not revived.
+    /// Renews it if it is held. One that has run out is renewed as well as long as nobody has acted on that: a device that hears a
+    /// heartbeat before it looks at its clock has not been left alone.
     pub fn renew(&mut self, now: Duration) {
-        if self.is_held() && !self.is_expired(now) {
+        if self.is_held() {
             self.take(now);
         }
     }
 
-    /// Gives it back: what it guarded has ended.
+    /// Gives it back: what it guarded has ended, or its expiry has been acted on.
     pub fn release(&mut self) {
         self.expires = None;
     }

@@ -27,7 +27,7 @@ pub const PROTOCOL_VERSION: u8 = 1;
 pub const SCHEMA_HASH: u64 = 0xCFEA0F1C6BB0AEA9;
 
 /// How often a connected host sends a heartbeat.
-pub const HEARTBEAT_INTERVAL: core::time::Duration = core::time::Duration::from_millis(40);
+pub const HEARTBEAT_INTERVAL: core::time::Duration = core::time::Duration::from_millis(30);
 
 /// How long the device keeps moving, or holds the shutter open, without hearing a heartbeat.
 pub const MOTION_LEASE: core::time::Duration = core::time::Duration::from_millis(150);

@@ -285,6 +285,35 @@ fn a_silent_device_fails_commands_and_is_found_again_when_it_speaks() {
 }
 
 #[test]
+fn a_late_heartbeat_costs_time_and_is_never_taken_for_a_dark_sample() {
+    let (transport, _served, world) = in_memory(5.0, Faults::default());
+    let mut stage = connect(transport);
+    let cancel = Cancel::new();
+    stage.home(&cancel).expect("homed");
+    let there = Pose::from_degrees(85.0, 0.0);
+    let interrupted = std::thread::scope(|scope| {
+        scope.spawn(|| {
+            await_that("motion", || world.state().readback.tilt.degrees() > 1.0);
+            world.switch(|s| s.silent = true);
+            await_that("the lease to expire", || !world.state().moving);
+            world.switch(|s| s.silent = false);
+        });
+        stage.move_to(there, &cancel)
+    });
+    assert_eq!(interrupted, Ok(there));
+
+    stage.set_shutter(true).expect("open");
+    assert!(stage.sensors().is_ok());
+    world.switch(|s| s.silent = true);
+    await_that("the lease to expire", || !world.state().shutter_open);
+    world.switch(|s| s.silent = false);
+    let noticed = stage.sensors();
+    assert!(matches!(noticed, Err(DeviceError::Fault { .. })), "{noticed:?}");
+    stage.set_shutter(true).expect("open again");
+    assert!(stage.sensors().is_ok());
+}
+
+#[test]
 fn the_tap_sees_every_byte_in_both_directions() {
     let taken = Arc::new(Mutex::new((Vec::new(), Vec::new())));
     let seen = Arc::clone(&taken);

@@ -3,13 +3,15 @@
 use super::{Client, Options, Pending};
 use crate::transport::{SerialTransport, Transport, serial};
 use gonio_instrument::{Cancel, DeviceError, LinkStatistics, Pose, Sensors, Stage, StageIdentity, Stopping};
-use gonio_protocol::message::{Command, Outcome, Position, Status};
+use gonio_protocol::message::{Command, Fault, Outcome, Position, Status};
 use std::time::{Duration, Instant};
 
 /// How often a stop request is looked at.
 const GLANCE: Duration = Duration::from_millis(10);
 /// Longest time any single command may take on a device that lives.
 const PATIENCE: Duration = Duration::from_secs(600);
+/// How often a command is tried when leases expire.
+const ATTEMPTS: u32 = 4;
 /// Longest time until an emergency stop shows in the status.
 const CONFIRMATION: Duration = Duration::from_secs(2);
 /// Longest warm-up of a lamp.
@@ -31,6 +33,9 @@ impl Default for MotionRates {
 }
 
 /// A stage behind a [`Client`].
+///
+/// A motion lease that expired because this host was late is re-armed, and the motion repeated, a few times; what was exposed meanwhile is not
+/// lost in silence, because [`Stage::sensors`] fails while a fault is latched.
 #[derive(Debug)]
 pub struct SerialStage {
     client: Client,
@@ -99,8 +104,27 @@ impl SerialStage {
         pending.wait(PATIENCE).unwrap_or_else(|| Err(self.too_long(command)))
     }
 
-    /// Executes a motion; a stop request stops it, waits until it stands and closes the shutter.
+    /// Executes a motion, again if a lease expired: a host that lives and was only late may re-arm by itself. Every other fault is
+    /// the user's to clear.
     fn finish_motion(&self, command: Command, cancel: &Cancel) -> Result<Position, DeviceError> {
+        self.persist(|| self.finish_motion_once(command, cancel))
+    }
+
+    fn persist<T>(&self, attempt: impl Fn() -> Result<T, DeviceError>) -> Result<T, DeviceError> {
+        for n in 1..ATTEMPTS {
+            match attempt() {
+                Err(error) if error == super::fault_error(Fault::LeaseExpired) => {
+                    tracing::warn!(n, "a heartbeat was late; re-arming and trying again");
+                    self.finish(Command::Rearm)?;
+                }
+                ended => return ended,
+            }
+        }
+        attempt()
+    }
+
+    /// A stop request stops it, waits until it stands and closes the shutter.
+    fn finish_motion_once(&self, command: Command, cancel: &Cancel) -> Result<Position, DeviceError> {
         self.check(cancel)?;
         let pending = self.client.start(command)?;
         let start = Instant::now();
@@ -174,7 +198,7 @@ impl Stage for SerialStage {
     }
 
     fn set_shutter(&mut self, open: bool) -> Result<(), DeviceError> {
-        self.finish(Command::Shutter { open }).map(drop)
+        self.persist(|| self.finish(Command::Shutter { open }).map(drop))
     }
 
     fn set_lamp(&mut self, level: f64, cancel: &Cancel) -> Result<(), DeviceError> {
@@ -186,7 +210,7 @@ impl Stage for SerialStage {
             });
         }
         let level_ppm = (level * 1e6).round() as u32;
-        self.finish(Command::Lamp { on: level_ppm > 0, level_ppm })?;
+        self.persist(|| self.finish(Command::Lamp { on: level_ppm > 0, level_ppm }))?;
         if level_ppm == 0 {
             return Ok(());
         }
@@ -212,7 +236,15 @@ impl Stage for SerialStage {
     }
 
     fn sensors(&mut self) -> Result<Sensors, DeviceError> {
-        match self.finish(Command::Sensors)? {
+        // Asked together: a fault since the last command, with the shutter closed by it, must not pass for a dark sample.
+        let status = self.client.start(Command::Status)?;
+        let sensors = self.client.start(Command::Sensors)?;
+        if let Outcome::Status(Status { fault: Some(fault), .. }) =
+            self.finish_pending(&status, Command::Status)?
+        {
+            return Err(super::fault_error(fault));
+        }
+        match self.finish_pending(&sensors, Command::Sensors)? {
             Outcome::Sensors(readings) => Ok(Sensors {
                 lamp_monitor: f64::from(readings.lamp_monitor_ppm) / 1e6,
                 temperature_c: f64::from(readings.lamp_mc) / 1e3,

@@ -20,7 +20,12 @@ struct Group {
     frames: u32,
     /// Sum of electrons above the nominal black level.
     sum: Vec<f32>,
+    /// Sum of the temperatures told, and how many frames told one.
+    temperature: (f64, u32),
 }
+
+/// Temperature step that doubles the dark current of silicon, K.
+pub const DOUBLING_K: f64 = 7.0;
 
 /// Dark signal of every pixel.
 #[derive(Clone, Debug)]
@@ -30,6 +35,8 @@ pub struct DarkModel {
     /// Electrons per second.
     current_e_s: Vec<f32>,
     hot: Vec<bool>,
+    /// Sensor temperature at which the current was found (that of the longest exposure), °C.
+    temperature_c: Option<f64>,
     /// t̄, seconds.
     pub mean_t_s: f64,
     /// Variance of a mean, electrons².
@@ -45,12 +52,20 @@ impl DarkFrames {
             Some(k) => &mut self.groups[k],
             None => {
                 let at = self.groups.partition_point(|g| g.exposure < frame.exposure);
-                let empty = Group { exposure: frame.exposure, frames: 0, sum: vec![0.0; frame.pixels.len()] };
+                let empty = Group {
+                    exposure: frame.exposure,
+                    frames: 0,
+                    sum: vec![0.0; frame.pixels.len()],
+                    temperature: (0.0, 0),
+                };
                 self.groups.insert(at, empty);
                 &mut self.groups[at]
             }
         };
         group.frames += 1;
+        if let Some(t) = frame.sensor_temperature_c {
+            group.temperature = (group.temperature.0 + t, group.temperature.1 + 1);
+        }
         for (s, &raw) in group.sum.iter_mut().zip(&frame.pixels) {
             *s += sensor.electrons(raw) as f32;
         }
@@ -80,6 +95,11 @@ impl DarkFrames {
             return out;
         }
         let read = sensor.read_variance_e2;
+        out.temperature_c = self
+            .groups
+            .last()
+            .filter(|g| g.temperature.1 > 0)
+            .map(|g| g.temperature.0 / f64::from(g.temperature.1));
         let mean_t = self.weighted(n, |g| g.exposure.as_secs_f64());
         let stt = self.weighted(n, |g| (g.exposure.as_secs_f64() - mean_t).powi(2)) * n;
         let two = stt > 1e-12;
@@ -128,6 +148,7 @@ impl DarkModel {
             mean_e: vec![0.0; pixels],
             current_e_s: vec![0.0; pixels],
             hot: vec![false; pixels],
+            temperature_c: None,
             mean_t_s: 0.0,
             mean_variance: 0.0,
             current_variance: 0.0,
@@ -138,6 +159,15 @@ impl DarkModel {
     #[must_use]
     pub fn at(&self, pixel: usize) -> (f64, f64) {
         (f64::from(self.mean_e[pixel]), f64::from(self.current_e_s[pixel]))
+    }
+
+    /// Factor on the current at another sensor temperature; 1 where either is not known.
+    #[must_use]
+    pub fn at_temperature(&self, sensor_c: Option<f64>) -> f64 {
+        match (sensor_c, self.temperature_c) {
+            (Some(now), Some(then)) => ((now - then) / DOUBLING_K).exp2(),
+            _ => 1.0,
+        }
     }
 
     /// Whether a pixel is hot: its values are not used.

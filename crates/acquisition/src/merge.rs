@@ -95,16 +95,18 @@ pub fn merge(
     wanted: &[bool],
 ) -> Result<MergedPose, AcquisitionError> {
     check_frames(record, map)?;
-    let mut frames: Vec<&Exposure> = record
+    // with each the factor on the dark current at its temperature
+    let mut frames: Vec<(&Exposure, f64)> = record
         .exposures
         .iter()
         .filter(|e| e.shutter_open && e.lamp_monitor > 0.0 && e.frame.exposure.as_nanos() > 0)
+        .map(|e| (e, dark.at_temperature(e.frame.sensor_temperature_c)))
         .collect();
     if frames.is_empty() {
         return Err(AcquisitionError::NoLight { pose: record.index });
     }
     // the order of taking must not matter for rounding either
-    frames.sort_by_key(|e| (e.frame.exposure, e.frame.sequence));
+    frames.sort_by_key(|(e, _)| (e.frame.exposure, e.frame.sequence));
     let w = map.width();
     let mut pixels = vec![Merged::INVALID; w * map.height()];
     pixels.par_chunks_mut(w).enumerate().for_each(|(y, row)| {
@@ -126,7 +128,7 @@ pub fn merge(
     })
 }
 
-fn pixel(frames: &[&Exposure], p: usize, map: &PixelMap, sensor: &Sensor, dark: &DarkModel) -> Merged {
+fn pixel(frames: &[(&Exposure, f64)], p: usize, map: &PixelMap, sensor: &Sensor, dark: &DarkModel) -> Merged {
     let (mean, current) = dark.at(p);
     let read = sensor.read_variance_e2;
     let usable = |e: &Exposure| {
@@ -137,9 +139,10 @@ fn pixel(frames: &[&Exposure], p: usize, map: &PixelMap, sensor: &Sensor, dark: 
     };
     // signal and effective exposure of frame j
     let each = || {
-        frames.iter().filter(|e| usable(e)).map(|e| {
+        frames.iter().filter(|(e, _)| usable(e)).map(|(e, factor)| {
             let t = e.frame.exposure.as_secs_f64();
-            let s = sensor.electrons(e.frame.pixels[p]) - mean - current * (t - dark.mean_t_s);
+            let dark_signal = mean + current * (t * factor - dark.mean_t_s);
+            let s = sensor.electrons(e.frame.pixels[p]) - dark_signal;
             (s, t, t * e.lamp_monitor)
         })
     };
@@ -235,9 +238,9 @@ fn mend(pixels: &mut [Merged], wanted: &[bool], w: usize, h: usize) {
 }
 
 /// Standard uncertainty of the mean of the monitor readings, relative, as far as they scatter about a steady drift.
-fn monitor_spread(frames: &[&Exposure]) -> f64 {
+fn monitor_spread(frames: &[(&Exposure, f64)]) -> f64 {
     let mut by_time: Vec<(f64, f64)> =
-        frames.iter().map(|e| (e.frame.sequence as f64, e.lamp_monitor)).collect();
+        frames.iter().map(|(e, _)| (e.frame.sequence as f64, e.lamp_monitor)).collect();
     by_time.sort_by(|a, b| a.0.total_cmp(&b.0));
     let n = by_time.len();
     if n < 3 {

@@ -86,6 +86,30 @@ fn a_hot_pixel_is_found_in_the_dark_and_taken_from_its_neighbours() {
 }
 
 #[test]
+fn a_warmer_sensor_has_more_dark_signal_taken_off() {
+    let (d, map, sensor) = tiny();
+    let n = d.camera.pixels();
+    let mut noise = Some(Noise(21));
+    let mut dark = DarkFrames::default();
+    let at = |rate: f64, t: f64, celsius: f64, noise: &mut Option<Noise>| {
+        let mut f = frame(&d, &vec![rate; n], t, 1.0, 0, noise);
+        f.sensor_temperature_c = Some(celsius);
+        f
+    };
+    for t in [2e-5, 2e-5, 2e-5, 2e-5, 2.0, 2.0, 2.0, 2.0] {
+        dark.add(&at(5.0, t, 30.0, &mut noise), &sensor);
+    }
+    let model = dark.model(&sensor, n);
+    // seven kelvin more double the dark current: 10 e/s beside 40 e/s of light
+    let lit = Exposure { frame: at(50.0, 2.0, 37.0, &mut noise), lamp_monitor: 1.0, shutter_open: true };
+    let record =
+        PoseRecord { index: 0, commanded: Pose::default(), readback: Pose::default(), exposures: vec![lit] };
+    let merged = merge(&record, &map, &sensor, &model, &vec![true; n]).expect("merges");
+    let mean = merged.pixels.iter().map(|m| f64::from(m.rate)).sum::<f64>() / n as f64;
+    assert!((mean - 40.0).abs() < 0.2, "{mean}");
+}
+
+#[test]
 fn frames_of_another_camera_and_poses_without_light_are_refused() {
     let (d, map, sensor) = tiny();
     let n = d.camera.pixels();

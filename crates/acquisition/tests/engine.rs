@@ -206,6 +206,21 @@ fn frames_that_come_damaged_are_taken_again_and_their_pose_is_given_up_at_last()
 }
 
 #[test]
+fn a_last_move_that_fails_is_followed_by_a_stop() {
+    let (_, whole) = play(Engine::new(setup(ScanKind::Dark)), &[]);
+    let last_move = whole.log.iter().rposition(|l| l.starts_with("MoveTo")).expect("moves");
+    let mut troubles = vec![Trouble::None; last_move];
+    troubles.push(Trouble::Fails(DeviceError::NotRecorded { what: "pose".into() }));
+    let (outcome, model) = play(Engine::new(setup(ScanKind::Dark)), &troubles);
+    assert!(matches!(&outcome, Outcome::Partial { lost } if lost[0].index == 5), "{outcome:?}");
+    assert!(
+        !model.moving && model.log.last().is_some_and(|l| l.starts_with("StopMotion")),
+        "{:?}",
+        model.log
+    );
+}
+
+#[test]
 fn what_does_not_fit_is_refused_before_anything_moves() {
     let mut s = setup(ScanKind::Sample);
     s.camera.width = 1280;
@@ -258,7 +273,7 @@ fn a_pause_holds_and_resumes() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(400))]
+    #![proptest_config(ProptestConfig { cases: 1000, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn however_it_ends_light_and_motion_are_off(troubles in troubles(), kind in 0..3usize) {

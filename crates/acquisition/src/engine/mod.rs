@@ -222,6 +222,8 @@ enum State {
     Close,
     EndPose,
     GiveUp,
+    /// A move failed: whatever still turns is stopped before the next.
+    Halt,
     LampOff,
     Safing,
     Ended,
@@ -386,7 +388,7 @@ impl Engine {
             State::CheckJournal | State::CheckSensors | State::Shut => Phase::Preflight,
             State::Home => Phase::Homing,
             State::LampOn | State::LampOff => Phase::Lamp,
-            State::Move | State::Begin => Phase::Moving,
+            State::Move | State::Begin | State::Halt => Phase::Moving,
             State::Dark { .. } => Phase::Dark,
             State::Open | State::Expose | State::Close | State::EndPose | State::GiveUp => Phase::Exposing,
         }
@@ -428,6 +430,7 @@ impl Engine {
             State::Expose => self.frame_action(true),
             State::EndPose => Action::EndPose,
             State::GiveUp => Action::GiveUpPose,
+            State::Halt => Action::StopMotion,
             State::LampOff => Action::Lamp(0.0),
             State::Safing => self.safing.as_ref()?.action()?,
             State::Ended => return None,
@@ -493,6 +496,10 @@ impl Engine {
                 self.at += 1;
                 self.next_pose()
             }
+            State::Halt => {
+                self.at += 1;
+                self.next_pose()
+            }
             State::GiveUp => {
                 self.pose_open = false;
                 self.at += 1;
@@ -526,12 +533,7 @@ impl Engine {
         let index = self.index();
         self.lost.push(LostPose { index, reason });
         self.frame = Frame::Idle;
-        self.state = if self.pose_open {
-            State::Close
-        } else {
-            self.at += 1;
-            self.next_pose()
-        };
+        self.state = if self.pose_open { State::Close } else { State::Halt };
     }
 
     fn failed(&mut self, e: DeviceError) {
@@ -550,6 +552,18 @@ impl Engine {
                     self.lose(e.to_string());
                 }
             }
+            // a fault that closed the shutter spoils the frame; what can be re-armed has been, what cannot refuses the next command
+            (DeviceError::Fault { .. }, State::Dark { .. } | State::Expose) if self.frame == Frame::Taken => {
+                self.frame = Frame::Idle;
+                self.tries += 1;
+                if self.tries >= TRIES {
+                    self.fail(ScanError::Device(e));
+                } else if self.state == State::Expose {
+                    self.state = State::Open;
+                }
+            }
+            // left behind by whoever was here before
+            (DeviceError::Fault { .. }, State::CheckSensors) if self.tries == 0 => self.tries = 1,
             (DeviceError::NotRecorded { .. }, State::Move | State::Dark { .. } | State::Expose) => {
                 self.lose(e.to_string());
             }

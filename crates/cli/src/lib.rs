@@ -41,5 +41,16 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let filter = tracing_subscriber::EnvFilter::try_from_env("GONIO_LOG").unwrap_or_else(|_| level.into());
     // a second call in one process (tests) keeps the first subscriber
     let _ = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).try_init();
+    give_way();
     outcome::exit_code(&commands::dispatch(arguments))
+}
+
+/// Computing gives way to the threads that keep the device's leases alive.
+fn give_way() {
+    // a second call in one process (tests) keeps the first pool
+    let _ = rayon::ThreadPoolBuilder::new()
+        .start_handler(|_| {
+            let _ = rustix::process::nice(10);
+        })
+        .build_global();
 }

@@ -242,6 +242,10 @@ impl Stage for SerialStage {
         if let Outcome::Status(Status { fault: Some(fault), .. }) =
             self.finish_pending(&status, Command::Status)?
         {
+            if fault == Fault::LeaseExpired {
+                // told once, so that what was under way is done again; the host lives and may re-arm by itself
+                self.finish(Command::Rearm)?;
+            }
             return Err(super::fault_error(fault));
         }
         match self.finish_pending(&sensors, Command::Sensors)? {

@@ -43,7 +43,13 @@ impl Figure {
     }
 
     /// A figure that is met or not, in words.
-    fn said(name: impl Into<String>, value: impl Into<String>, bound: &str, seed: impl ToString, met: bool) -> Self {
+    fn said(
+        name: impl Into<String>,
+        value: impl Into<String>,
+        bound: &str,
+        seed: impl ToString,
+        met: bool,
+    ) -> Self {
         Self { name: name.into(), value: value.into(), bound: bound.to_owned(), seed: seed.to_string(), met }
     }
 }

@@ -29,11 +29,10 @@ pub fn figures() -> Vec<Figure> {
             );
             let report = crate::scans::path("material.report.html");
             let model = crate::scans::path("material.model.json");
-            let words = ["gonio", "fit", &input, "--force", "-o"].map(std::ffi::OsString::from).into_iter().chain([
-                model.clone().into(),
-                "--report".into(),
-                report.clone().into(),
-            ]);
+            let words = ["gonio", "fit", &input, "--force", "-o"]
+                .map(std::ffi::OsString::from)
+                .into_iter()
+                .chain([model.clone().into(), "--report".into(), report.clone().into()]);
             let code = gonio::run(words);
             let fit: Option<serde_json::Value> =
                 std::fs::read_to_string(&model).ok().and_then(|t| serde_json::from_str(&t).ok());
@@ -44,7 +43,10 @@ pub fn figures() -> Vec<Figure> {
             let _ = std::fs::remove_file(&report);
             Figure::said(
                 *name,
-                format!("{status}, mean ΔE beyond 15°: {}", delta.map_or("–".to_owned(), |d| format!("{d:.2}"))),
+                format!(
+                    "{status}, mean ΔE beyond 15°: {}",
+                    delta.map_or("–".to_owned(), |d| format!("{d:.2}"))
+                ),
                 "status, report",
                 "-",
                 code == std::process::ExitCode::SUCCESS && told && status != "none",

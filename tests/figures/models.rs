@@ -70,7 +70,8 @@ fn isolines() -> f64 {
         .map(|r| {
             let (l, v) = Geometry::from_degrees(r[0], r[1], r[2]).directions();
             let i = isoline(l, v, 1.5, Method::Clip);
-            let in_plane = if i.theta_det.degrees() < 1e-6 { 0.0 } else { (i.phi_det.degrees() - r[7]).abs() };
+            let in_plane =
+                if i.theta_det.degrees() < 1e-6 { 0.0 } else { (i.phi_det.degrees() - r[7]).abs() };
             [
                 off(i.flake.theta_inc, r[3]),
                 off(i.flake.theta_flake, r[4]),

@@ -24,14 +24,27 @@ fn recovered(name: &str, made: &Made, seed: u64) -> Vec<Figure> {
     let fit = made.scanned.fit.as_ref().expect("a fit");
     let value = |n: &str| fit.parameter(n).map_or(f64::NAN, |p| p.value);
     let worst = |what: &str, truth: [f64; 3]| {
-        (0..3)
-            .map(|c| (value(&format!("{what}_{}", CHANNELS[c])) / truth[c] - 1.0).abs())
-            .fold(0.0, f64::max)
+        (0..3).map(|c| (value(&format!("{what}_{}", CHANNELS[c])) / truth[c] - 1.0).abs()).fold(0.0, f64::max)
     };
     vec![
-        Figure::at_most(format!("{name}: exponent {}, relative error", made.truth.exponent), (value("exponent") / made.truth.exponent - 1.0).abs(), 0.02, seed),
-        Figure::at_most(format!("{name}: cd, largest relative error"), worst("diffuse", made.truth.diffuse), 0.01, seed),
-        Figure::at_most(format!("{name}: cs, largest relative error"), worst("specular", made.truth.specular), 0.03, seed),
+        Figure::at_most(
+            format!("{name}: exponent {}, relative error", made.truth.exponent),
+            (value("exponent") / made.truth.exponent - 1.0).abs(),
+            0.02,
+            seed,
+        ),
+        Figure::at_most(
+            format!("{name}: cd, largest relative error"),
+            worst("diffuse", made.truth.diffuse),
+            0.01,
+            seed,
+        ),
+        Figure::at_most(
+            format!("{name}: cs, largest relative error"),
+            worst("specular", made.truth.specular),
+            0.03,
+            seed,
+        ),
     ]
 }
 
@@ -56,7 +69,8 @@ pub fn demo_paint() -> Vec<Figure> {
 pub fn exponents() -> Vec<Figure> {
     let mut out = Vec::new();
     for exponent in [21.0, 120.0, 410.0, 1300.0] {
-        let truth = AshikhminShirleySimplified { diffuse: [0.03, 0.2, 0.5], specular: [0.4, 0.1, 0.01], exponent };
+        let truth =
+            AshikhminShirleySimplified { diffuse: [0.03, 0.2, 0.5], specular: [0.4, 0.1, 0.01], exponent };
         let made = scans::make(&format!("exponent-{exponent}"), truth, 1);
         out.extend(recovered("cd 0.03/0.2/0.5, cs 0.4/0.1/0.01", &made, 1));
         out.extend(compared(&format!("n {exponent}"), &made, 1));
@@ -71,7 +85,9 @@ pub fn hard_pairs() -> Vec<Figure> {
         let truth = AshikhminShirleySimplified { diffuse: [cd; 3], specular: [cs; 3], exponent: 120.0 };
         let made = scans::make(&format!("hard-{cd}"), truth, 1);
         let fit = made.scanned.fit.as_ref().expect("a fit");
-        for name in ["exponent", "diffuse_r", "diffuse_g", "diffuse_b", "specular_r", "specular_g", "specular_b"] {
+        for name in
+            ["exponent", "diffuse_r", "diffuse_g", "diffuse_b", "specular_r", "specular_g", "specular_b"]
+        {
             let is = match name.split('_').next() {
                 Some("exponent") => truth.exponent,
                 Some("diffuse") => cd,
@@ -113,7 +129,11 @@ fn compared(name: &str, made: &Made, seed: u64) -> Vec<Figure> {
         let truth = cell_mean(&made.truth, &t.grid, t.meaning, cell, nodes, rings);
         let value = t.values[i].map(f64::from);
         let d = ciede2000(lab_from_brdf(value), lab_from_brdf(truth));
-        if g.from_mirror().degrees() <= 15.0 { within.push(d) } else { beyond.push(d) }
+        if g.from_mirror().degrees() <= 15.0 {
+            within.push(d)
+        } else {
+            beyond.push(d)
+        }
         for c in 0..3 {
             let z = (value[c] - truth[c]).abs() / f64::from(t.sigma[i][c]);
             one += usize::from(z <= 1.0);
@@ -131,7 +151,13 @@ fn compared(name: &str, made: &Made, seed: u64) -> Vec<Figure> {
     let (b, w) = (spread(beyond), spread(within));
     let words = |s: (f64, f64, f64, usize)| format!("{:.3} / {:.3} / {:.3} ({} cells)", s.0, s.1, s.2, s.3);
     vec![
-        Figure::said(format!("{name}: ΔE beyond 15°, mean / 95th / max"), words(b), "mean ≤ 0.3", seed, b.0 <= 0.3),
+        Figure::said(
+            format!("{name}: ΔE beyond 15°, mean / 95th / max"),
+            words(b),
+            "mean ≤ 0.3",
+            seed,
+            b.0 <= 0.3,
+        ),
         Figure::said(format!("{name}: ΔE within 15°, mean / 95th / max"), words(w), "printed", seed, true),
         Figure::within(format!("{name}: cells within 3 σ of the truth, %"), share(three), 99.0, 100.0, seed),
         Figure::within(format!("{name}: cells within 1 σ of the truth, %"), share(one), 60.0, 76.0, seed),
@@ -155,5 +181,11 @@ pub fn replay() -> Vec<Figure> {
     let code = gonio::run(words);
     let same = code == std::process::ExitCode::SUCCESS
         && std::fs::read(&again).ok() == std::fs::read(made.session.with_extension("nc")).ok();
-    vec![Figure::said("replayed table against the live one", if same { "same bytes" } else { "differs" }, "same bytes", 1, same)]
+    vec![Figure::said(
+        "replayed table against the live one",
+        if same { "same bytes" } else { "differs" },
+        "same bytes",
+        1,
+        same,
+    )]
 }

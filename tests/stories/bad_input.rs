@@ -15,7 +15,17 @@ fn refused(bench: &Bench, words: &[&str], code: i32, said: &[&str]) -> Ran {
 #[test]
 fn an_absent_port_is_told() {
     let bench = Bench::new();
-    let words = ["scan", "--instrument", "tiny", "--device", "serial:/dev/no-such-port", "--camera", "sim:none.sock", "-o", "S.mcap"];
+    let words = [
+        "scan",
+        "--instrument",
+        "tiny",
+        "--device",
+        "serial:/dev/no-such-port",
+        "--camera",
+        "sim:none.sock",
+        "-o",
+        "S.mcap",
+    ];
     refused(&bench, &words, 4, &["not there"]);
     assert!(!bench.path("S.mcap").exists(), "nothing half-written stays behind");
 }
@@ -24,14 +34,24 @@ fn an_absent_port_is_told() {
 fn an_unknown_device_or_camera_is_told_with_what_is_known() {
     let bench = Bench::new();
     refused(&bench, &["scan", "--device", "teapot", "-o", "S.mcap"], 2, &["teapot", "serial:PATH"]);
-    refused(&bench, &["scan", "--instrument", "tiny", "--camera", "teapot", "-o", "S.mcap"], 2, &["teapot", "sim:SOCKET"]);
+    refused(
+        &bench,
+        &["scan", "--instrument", "tiny", "--camera", "teapot", "-o", "S.mcap"],
+        2,
+        &["teapot", "sim:SOCKET"],
+    );
 }
 
 #[test]
 fn a_truth_with_a_negative_albedo_is_refused() {
     let bench = Bench::new();
     bench.write("bad.json", r#"{"model":"lambert","diffuse":[0.5,-0.1,0.5]}"#);
-    refused(&bench, &["scan", "--instrument", "tiny", "--truth", "bad.json", "-o", "S.mcap"], 2, &["bad.json", "diffuse", "-0.1"]);
+    refused(
+        &bench,
+        &["scan", "--instrument", "tiny", "--truth", "bad.json", "-o", "S.mcap"],
+        2,
+        &["bad.json", "diffuse", "-0.1"],
+    );
     assert!(!bench.path("S.mcap").exists());
 }
 
@@ -39,9 +59,19 @@ fn a_truth_with_a_negative_albedo_is_refused() {
 fn a_plan_outside_the_holders_limits_is_refused_before_anything_moves() {
     let bench = Bench::new();
     bench.write("plan.toml", "format = \"gonio-plan\"\ntilt_deg = [10, 89]\n");
-    refused(&bench, &["scan", "--instrument", "tiny", "--plan", "plan.toml", "-o", "S.mcap"], 2, &["tilt_deg[1]", "89", "87"]);
+    refused(
+        &bench,
+        &["scan", "--instrument", "tiny", "--plan", "plan.toml", "-o", "S.mcap"],
+        2,
+        &["tilt_deg[1]", "89", "87"],
+    );
     bench.write("plan.toml", "tilt_deg = [10,\n  \"x\"]\n");
-    refused(&bench, &["scan", "--instrument", "tiny", "--plan", "plan.toml", "-o", "S.mcap"], 2, &["plan.toml", "line 2"]);
+    refused(
+        &bench,
+        &["scan", "--instrument", "tiny", "--plan", "plan.toml", "-o", "S.mcap"],
+        2,
+        &["plan.toml", "line 2"],
+    );
 }
 
 #[test]
@@ -76,9 +106,21 @@ fn a_reference_that_is_expired_or_of_another_instrument_is_refused_unless_accept
         "old.json",
         r#"{"serial":"W7","issued":"2019-01-01","expires":"2020-01-01","brdf":"{\"model\":\"lambert\",\"diffuse\":[0.98,0.98,0.98]}","relative_uncertainty":0.002}"#,
     );
-    let white = ["scan", "--instrument", "tiny", "--kind", "white", "--certificate", "old.json", "-o", "W.mcap"];
+    let white =
+        ["scan", "--instrument", "tiny", "--kind", "white", "--certificate", "old.json", "-o", "W.mcap"];
     bench.ok(&white);
-    let scan = ["scan", "--instrument", "tiny", "--truth", "paint.json", "--reference", "W.mcap", "-o", "S.mcap", "--fit"];
+    let scan = [
+        "scan",
+        "--instrument",
+        "tiny",
+        "--truth",
+        "paint.json",
+        "--reference",
+        "W.mcap",
+        "-o",
+        "S.mcap",
+        "--fit",
+    ];
     refused(&bench, &scan, 2, &["W7", "2020-01-01"]);
     assert!(!bench.path("S.mcap").exists());
     bench.ok(&[&scan[..], &["--accept-stale"]].concat());
@@ -88,7 +130,18 @@ fn a_reference_that_is_expired_or_of_another_instrument_is_refused_unless_accept
 
     let other = gonio_instrument::builtin::TINY.replace("half_angle_deg = 0.5", "half_angle_deg = 0.6");
     bench.write("other.toml", other);
-    let scan = ["scan", "--instrument", "other.toml", "--reference", "W.mcap", "--truth", "paint.json", "-o", "T.mcap", "--fit"];
+    let scan = [
+        "scan",
+        "--instrument",
+        "other.toml",
+        "--reference",
+        "W.mcap",
+        "--truth",
+        "paint.json",
+        "-o",
+        "T.mcap",
+        "--fit",
+    ];
     refused(&bench, &scan, 2, &["W.mcap"]);
 }
 
@@ -96,15 +149,24 @@ fn a_reference_that_is_expired_or_of_another_instrument_is_refused_unless_accept
 fn a_firmware_of_another_version_is_told() {
     let bench = Bench::new();
     bench.write("faults.toml", "format = \"gonio-faults\"\nversion = 1\nprotocol_version = 9\n");
-    refused(&bench, &["scan", "--instrument", "tiny", "--faults", "faults.toml", "-o", "S.mcap"], 4, &["protocol 9", "update"]);
+    refused(
+        &bench,
+        &["scan", "--instrument", "tiny", "--faults", "faults.toml", "-o", "S.mcap"],
+        4,
+        &["protocol 9", "update"],
+    );
 }
 
 #[test]
 fn a_stall_in_mid_scan_ends_it_with_what_was_measured_kept() {
     let bench = Bench::new();
     bench.write("paint.json", PAINT);
-    bench.write("faults.toml", "format = \"gonio-faults\"\nversion = 1\n[[event]]\nwhat = \"stall-tilt\"\nat_move = 3\n");
-    let words = ["scan", "--instrument", "tiny", "--truth", "paint.json", "--faults", "faults.toml", "-o", "S.mcap"];
+    bench.write(
+        "faults.toml",
+        "format = \"gonio-faults\"\nversion = 1\n[[event]]\nwhat = \"stall-tilt\"\nat_move = 3\n",
+    );
+    let words =
+        ["scan", "--instrument", "tiny", "--truth", "paint.json", "--faults", "faults.toml", "-o", "S.mcap"];
     let ran = bench.run(&words);
     assert_eq!(ran.code, 4, "{}\n{}", ran.stdout, ran.stderr);
     assert!(ran.stderr.contains("--resume") && ran.stderr.contains("kept"), "{}", ran.stderr);

@@ -63,7 +63,8 @@ fn dependencies(manifest: &toml::Table, sections: &[&str]) -> BTreeSet<String> {
 fn every_crate_depends_only_on_the_rooms_the_table_allows() {
     let allowed: BTreeMap<_, _> = MAY_DEPEND_ON.iter().copied().collect();
     for (name, manifest) in manifests() {
-        let list = allowed.get(name.as_str()).unwrap_or_else(|| panic!("{name} is not in the dependency table"));
+        let list =
+            allowed.get(name.as_str()).unwrap_or_else(|| panic!("{name} is not in the dependency table"));
         if list.contains(&"*") {
             continue;
         }
@@ -91,7 +92,9 @@ fn no_room_knows_a_library_it_must_not_know() {
 fn every_version_is_pinned_in_one_place() {
     for (name, manifest) in manifests() {
         for section in ["dependencies", "dev-dependencies", "build-dependencies"] {
-            for (dependency, value) in manifest.get(section).and_then(toml::Value::as_table).into_iter().flatten() {
+            for (dependency, value) in
+                manifest.get(section).and_then(toml::Value::as_table).into_iter().flatten()
+            {
                 let from_workspace = value.get("workspace").and_then(toml::Value::as_bool) == Some(true);
                 assert!(from_workspace, "{name}: {dependency} must say `workspace = true`");
             }
@@ -115,7 +118,10 @@ fn the_architecture_map_names_every_folder_and_only_what_exists() {
     for quoted in map.split('`').skip(1).step_by(2) {
         let looks_like_path = quoted.contains('/') && !quoted.contains([' ', '<', '*', ':', '{', '$']);
         if looks_like_path {
-            assert!(root().join(quoted).exists(), "docs/ARCHITECTURE.md names `{quoted}`, which does not exist");
+            assert!(
+                root().join(quoted).exists(),
+                "docs/ARCHITECTURE.md names `{quoted}`, which does not exist"
+            );
         }
     }
 }

@@ -36,7 +36,8 @@ fn a_scan_leaves_session_table_model_report_and_pictures_and_finds_the_paint() {
         assert!(png.starts_with(b"\x89PNG") && png.len() > 2000, "{picture}: {} bytes", png.len());
     }
     // nothing half-written stays behind
-    let left: Vec<_> = std::fs::read_dir(bench.path("")).expect("folder").flatten().map(|e| e.file_name()).collect();
+    let left: Vec<_> =
+        std::fs::read_dir(bench.path("")).expect("folder").flatten().map(|e| e.file_name()).collect();
     assert!(left.iter().all(|n| !n.to_string_lossy().contains("partial")), "{left:?}");
 }
 
@@ -73,7 +74,10 @@ fn an_interrupted_scan_keeps_what_it_has_and_goes_on_to_the_same_table() {
     assert_eq!(info["complete"], true);
     assert_eq!(info["files"].as_array().map(Vec::len), Some(2), "the next segment");
     bench.ok(&["replay", "I.mcap", "-o", "again.nc"]);
-    assert!(bench.read("I.nc") == bench.read("again.nc"), "the continued scan's table differs from its replay");
+    assert!(
+        bench.read("I.nc") == bench.read("again.nc"),
+        "the continued scan's table differs from its replay"
+    );
 }
 
 #[test]
@@ -96,13 +100,36 @@ fn any_damage_to_a_session_is_told_and_the_rest_recovered() {
 fn the_virtual_instrument_serves_another_program_through_a_serial_port_and_a_socket() {
     let bench = with_paint();
     bench.ok(SCAN);
-    let mut served = bench.start(&["sim", "--instrument", "tiny", "--pty", "stage", "--camera-socket", "cam.sock", "--truth", "paint.json"]);
+    let mut served = bench.start(&[
+        "sim",
+        "--instrument",
+        "tiny",
+        "--pty",
+        "stage",
+        "--camera-socket",
+        "cam.sock",
+        "--truth",
+        "paint.json",
+    ]);
     until("the camera's socket", || bench.path("cam.sock").exists() && bench.path("stage").exists());
     bench.ok(&[
-        "scan", "--instrument", "tiny", "--device", "serial:stage", "--camera", "sim:cam.sock", "--reference",
-        "S.white.mcap", "-o", "T.mcap", "--fit",
+        "scan",
+        "--instrument",
+        "tiny",
+        "--device",
+        "serial:stage",
+        "--camera",
+        "sim:cam.sock",
+        "--reference",
+        "S.white.mcap",
+        "-o",
+        "T.mcap",
+        "--fit",
     ]);
-    assert!(bench.read("T.nc") == bench.read("S.nc"), "the same instrument from another process measures otherwise");
+    assert!(
+        bench.read("T.nc") == bench.read("S.nc"),
+        "the same instrument from another process measures otherwise"
+    );
     // a second client is told that the port is taken
     interrupt(&mut served);
 }

@@ -42,7 +42,8 @@ fn largest_disagreement(errors: &Misalignment, pose: Pose) -> (Angle, Angle, usi
 #[test]
 fn on_the_nominal_instrument() {
     for tilt in [5.0, 40.0, 75.0] {
-        let (lab, sample, seen) = largest_disagreement(&Misalignment::default(), Pose::from_degrees(tilt, 0.0));
+        let (lab, sample, seen) =
+            largest_disagreement(&Misalignment::default(), Pose::from_degrees(tilt, 0.0));
         assert!(seen > 3000, "only {seen} pixels");
         assert!(lab.degrees() < 1e-6 && sample.degrees() < 1e-5, "tilt {tilt}: {lab} {sample}");
     }

@@ -31,7 +31,9 @@ pub enum Command {
     )]
     Scan(ScanArguments),
     /// Recompute the BRDF from a recorded session
-    #[command(after_help = "Examples:\n  gonio replay S.mcap -o S.nc\n  gonio replay S.mcap --reference S.white.mcap -o again.nc --fit")]
+    #[command(
+        after_help = "Examples:\n  gonio replay S.mcap -o S.nc\n  gonio replay S.mcap --reference S.white.mcap -o again.nc --fit"
+    )]
     Replay(ReplayArguments),
     /// Check every byte of a session: 0 intact, 3 readable with loss, 1 unreadable
     #[command(after_help = "Example:\n  gonio verify S.mcap")]
@@ -52,19 +54,29 @@ pub enum Command {
         force: bool,
     },
     /// Serve the virtual instrument as devices that other programs can open
-    #[command(after_help = "Example:\n  gonio sim --pty stage --camera-socket cam.sock --truth paint.json &\n  gonio scan --device serial:stage --camera sim:cam.sock --reference W.mcap -o S.mcap")]
+    #[command(
+        after_help = "Example:\n  gonio sim --pty stage --camera-socket cam.sock --truth paint.json &\n  gonio scan --device serial:stage --camera sim:cam.sock --reference W.mcap -o S.mcap"
+    )]
     Sim(SimArguments),
     /// Fit a model to a measured BRDF; no starting values
-    #[command(after_help = "Examples:\n  gonio fit S.nc -o model.json\n  gonio fit cayman.brdf --weights none --max-angle-deg 60\n  gonio fit merl_nbrdf.f32#blue-metallic-paint")]
+    #[command(
+        after_help = "Examples:\n  gonio fit S.nc -o model.json\n  gonio fit cayman.brdf --weights none --max-angle-deg 60\n  gonio fit merl_nbrdf.f32#blue-metallic-paint"
+    )]
     Fit(FitArguments),
     /// Evaluate a table or a model at the geometries of a CSV file
-    #[command(after_help = "Example:\n  printf 'theta_i_deg,theta_o_deg,phi_deg\\n45,30,180\\n' > g.csv; gonio eval model.json --geometries g.csv -o out.csv")]
+    #[command(
+        after_help = "Example:\n  printf 'theta_i_deg,theta_o_deg,phi_deg\\n45,30,180\\n' > g.csv; gonio eval model.json --geometries g.csv -o out.csv"
+    )]
     Eval(EvalArguments),
     /// Isochromatic lines: the in-plane geometries that see the same flakes
-    #[command(after_help = "Example:\n  gonio isoline --index 1.5 --method clip --geometries g.csv -o out.csv")]
+    #[command(
+        after_help = "Example:\n  gonio isoline --index 1.5 --method clip --geometries g.csv -o out.csv"
+    )]
     Isoline(IsolineArguments),
     /// Convert between measured formats, or sample a model onto Sopp's grid
-    #[command(after_help = "Examples:\n  gonio convert S.nc S.csv\n  gonio convert carpaint_blue.mbsdf blue.nc")]
+    #[command(
+        after_help = "Examples:\n  gonio convert S.nc S.csv\n  gonio convert carpaint_blue.mbsdf blue.nc"
+    )]
     Convert {
         /// What to read (any known format; FILE#NAME for a network)
         input: String,

@@ -64,7 +64,9 @@ pub fn options(
     has_sigma: bool,
 ) -> Result<Options, Failure> {
     if !(max_angle_deg > 0.0 && max_angle_deg <= 90.0) {
-        return Err(Failure::usage(format!("--max-angle-deg {max_angle_deg}: expected an angle above 0, at most 90")));
+        return Err(Failure::usage(format!(
+            "--max-angle-deg {max_angle_deg}: expected an angle above 0, at most 90"
+        )));
     }
     let model: ModelChoice = model.parse().map_err(Failure::usage)?;
     let weights = weights.unwrap_or(if has_sigma { Weights::Sigma } else { Weights::Ngan });
@@ -77,7 +79,10 @@ pub fn verdict(fit: &Fit) -> String {
     match &fit.status {
         Status::Converged => "the fit converged; the data determine every parameter".to_owned(),
         Status::AtBound(names) => {
-            format!("the best fit lies at the bound of {}; the model has no better answer inside", names.join(", "))
+            format!(
+                "the best fit lies at the bound of {}; the model has no better answer inside",
+                names.join(", ")
+            )
         }
         Status::IllConditioned => format!(
             "the data do not tell all parameters apart (condition {:.1e}); see their uncertainties",

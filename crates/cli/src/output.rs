@@ -11,7 +11,10 @@ use crate::outcome::Failure;
 /// [`Failure::Usage`] that says what stands in the way.
 pub fn check_free(path: &Path, force: bool) -> Result<(), Failure> {
     if path.is_dir() {
-        return Err(Failure::usage(format!("{} is a folder, expected the name of a file to write", path.display())));
+        return Err(Failure::usage(format!(
+            "{} is a folder, expected the name of a file to write",
+            path.display()
+        )));
     }
     if path.exists() && !force {
         return Err(Failure::usage(format!(

@@ -34,7 +34,8 @@ pub fn calibrate(
     let mut kinds = Vec::new();
     for path in references {
         let session = Session::open(path).map_err(Failure::usage)?;
-        let in_session = |e: &dyn std::fmt::Display| Failure::usage(format!("reference {}: {e}", path.display()));
+        let in_session =
+            |e: &dyn std::fmt::Display| Failure::usage(format!("reference {}: {e}", path.display()));
         let kind = session.sample().map_err(|e| in_session(&e))?.kind;
         if kind != ScanKind::White {
             kinds.push(format!("{} ({})", path.display(), kind.name()));

@@ -6,8 +6,8 @@ use gonio_brdf::{Flag, Measured};
 use gonio_fitter::{Fit, Spread};
 use gonio_render::Report;
 use gonio_render::report::{
-    Block, ColourDifference, Estimate, Fact, KeyFigure, Notice, Parameter, Section, Weight, plus_minus,
-    Fit as StandardFit, significant, standard_figures,
+    Block, ColourDifference, Estimate, Fact, Fit as StandardFit, KeyFigure, Notice, Parameter, Section,
+    Weight, plus_minus, significant, standard_figures,
 };
 
 use crate::fitting;
@@ -31,7 +31,8 @@ pub struct Background {
 pub fn build(table: Option<&Measured>, fit: Option<&Fit>, background: Background) -> Report {
     let mut report = Report {
         title: if background.title.is_empty() { "Measurement".to_owned() } else { background.title },
-        subtitle: "Bidirectional reflectance, f in 1/sr without the cosine; φ = 180° is the mirror side".to_owned(),
+        subtitle: "Bidirectional reflectance, f in 1/sr without the cosine; φ = 180° is the mirror side"
+            .to_owned(),
         notices: background.notices,
         footer: format!("gonio {}", env!("CARGO_PKG_VERSION")),
         ..Report::default()
@@ -190,7 +191,9 @@ fn pictures(table: &Measured, fit: Option<&Fit>) -> Section {
     Section {
         heading: "What was measured".to_owned(),
         intro: budget
-            .map(|b| format!("Parts of the uncertainty, relative, root mean square over measured cells: {b}."))
+            .map(|b| {
+                format!("Parts of the uncertainty, relative, root mean square over measured cells: {b}.")
+            })
             .unwrap_or_default(),
         blocks: vec![Block::Pictures(standard_figures(table, fit))],
     }

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use gonio_acquisition::{PoseStatistics, Reducer};
-use gonio_brdf::formats::{self, Loaded, Target};
 use gonio_brdf::Measured;
+use gonio_brdf::formats::{self, Loaded, Target};
 use gonio_fitter::Fit;
 use gonio_instrument::{LinkStatistics, SampleRecord};
 use gonio_render::report::{Block, Fact, Section, significant};
@@ -49,7 +49,10 @@ impl Files {
             check_free(p, force)?;
         }
         if self.pictures.exists() && !force {
-            return Err(Failure::usage(format!("{} exists; say --force to replace it", self.pictures.display())));
+            return Err(Failure::usage(format!(
+                "{} exists; say --force to replace it",
+                self.pictures.display()
+            )));
         }
         Ok(())
     }
@@ -77,7 +80,8 @@ pub fn write_table(path: &Path, table: &Measured) -> Result<(), Failure> {
 /// # Errors
 /// [`Failure::Failed`] with path and reason.
 pub fn write_model(path: &Path, fit: &Fit) -> Result<(), Failure> {
-    let text = fit.to_model_file().to_json().map_err(|e| Failure::failed("the model cannot be written", e))?;
+    let text =
+        fit.to_model_file().to_json().map_err(|e| Failure::failed("the model cannot be written", e))?;
     write_whole(path, text.as_bytes())
 }
 
@@ -122,7 +126,12 @@ pub fn write_all(files: &Files, table: &Measured, fit: &Fit, story: &Story<'_>) 
 ///
 /// # Errors
 /// [`Failure::Failed`] with path and reason.
-pub fn write_so_far(files: &Files, reducer: &Reducer, model: &str, sample: &SampleRecord) -> Result<Fit, Failure> {
+pub fn write_so_far(
+    files: &Files,
+    reducer: &Reducer,
+    model: &str,
+    sample: &SampleRecord,
+) -> Result<Fit, Failure> {
     let table = reducer.snapshot();
     let fit = fit(&table, model)?;
     write_table(&files.table, &table)?;
@@ -174,7 +183,10 @@ fn background(story: &Story<'_>, table: &Measured) -> Background {
     let notices = story
         .lost
         .iter()
-        .map(|l| gonio_render::report::Notice { weight: gonio_render::report::Weight::Warning, text: l.clone() })
+        .map(|l| gonio_render::report::Notice {
+            weight: gonio_render::report::Weight::Warning,
+            text: l.clone(),
+        })
         .collect();
     Background { title: title.to_owned(), facts, sections, notices }
 }
@@ -187,7 +199,11 @@ fn pose_section(poses: &[PoseStatistics]) -> Section {
                 format!("{:.1}°", p.theta_i_deg),
                 format!("{:.1}°", p.spin_deg),
                 p.exposures.to_string(),
-                format!("{} – {}", significant(p.exposure_s[0] * 1e3, 3), significant(p.exposure_s[1] * 1e3, 3)),
+                format!(
+                    "{} – {}",
+                    significant(p.exposure_s[0] * 1e3, 3),
+                    significant(p.exposure_s[1] * 1e3, 3)
+                ),
                 format!("{:.1} %", 100.0 * p.coverage),
                 format!("{:.2} %", 100.0 * p.saturated_share),
                 format!("{} %", significant(100.0 * p.relative_sigma, 2)),
@@ -198,7 +214,8 @@ fn pose_section(poses: &[PoseStatistics]) -> Section {
     Section {
         heading: "Poses and camera".to_owned(),
         blocks: vec![Block::Table {
-            caption: "What each pose gave; noise is the median of σ/f of shot, read and dark noise in green".to_owned(),
+            caption: "What each pose gave; noise is the median of σ/f of shot, read and dark noise in green"
+                .to_owned(),
             head: ["θi", "spin", "exposures", "exposure (ms)", "coverage", "saturated", "noise", "lamp"]
                 .map(str::to_owned)
                 .to_vec(),

@@ -72,7 +72,8 @@ impl Simulated {
         if !(a.time_scale > 0.0 && a.time_scale.is_finite()) {
             return Err(Failure::usage(format!("--time-scale {}: expected a positive number", a.time_scale)));
         }
-        let in_file = |path: &Path, e: &dyn std::fmt::Display| Failure::usage(format!("{}: {e}", path.display()));
+        let in_file =
+            |path: &Path, e: &dyn std::fmt::Display| Failure::usage(format!("{}: {e}", path.display()));
         let (truth, truth_text) = match &a.truth {
             Some(path) => (
                 Truth::open(path).map_err(|e| in_file(path, &e))?,
@@ -102,8 +103,14 @@ impl Simulated {
         Firmware::new(settings, world.clone(), self.faults.clone())
     }
 
-    fn camera(&self, instrument: &Description, kind: ScanKind, world: &World) -> Result<VirtualCamera, Failure> {
-        let sample = Sample::of_kind(kind, &self.truth, &Certificate::virtual_white()).map_err(Failure::usage)?;
+    fn camera(
+        &self,
+        instrument: &Description,
+        kind: ScanKind,
+        world: &World,
+    ) -> Result<VirtualCamera, Failure> {
+        let sample =
+            Sample::of_kind(kind, &self.truth, &Certificate::virtual_white()).map_err(Failure::usage)?;
         let camera = VirtualCamera::new(world.clone(), instrument, &self.errors, sample, self.seed);
         Ok(camera.with_faults(self.faults.camera.clone().unwrap_or_default()))
     }
@@ -181,7 +188,8 @@ fn tap(sender: SyncSender<WireRecord>) -> gonio_driver::stage::Tap {
             Direction::ToDevice => gonio_recording::Direction::ToDevice,
             Direction::FromDevice => gonio_recording::Direction::FromDevice,
         };
-        let _ = sender.try_send(WireRecord { direction, time: now.saturating_sub(ago), bytes: bytes.to_vec() });
+        let _ =
+            sender.try_send(WireRecord { direction, time: now.saturating_sub(ago), bytes: bytes.to_vec() });
     })
 }
 

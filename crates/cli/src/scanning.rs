@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Duration;
 
+use gonio_acquisition::PixelMap;
 use gonio_acquisition::engine::{LostPose, Outcome, Progress, Setup};
 use gonio_acquisition::journal::Journal;
 use gonio_acquisition::runner::{self, Observer};
-use gonio_acquisition::PixelMap;
 use gonio_instrument::{
-    CameraInfo, Cancel, Certificate, Description, Exposure, LinkStatistics, Plan, Pose, PoseRecord, SampleRecord,
-    Sensors, StageIdentity,
+    CameraInfo, Cancel, Certificate, Description, Exposure, LinkStatistics, Plan, Pose, PoseRecord,
+    SampleRecord, Sensors, StageIdentity,
 };
 use gonio_recording::{Attachment, Clock, Devices, Header, RecordingError, Session, Writer, WriterOptions};
 
@@ -81,7 +81,8 @@ pub fn record(
     let mut setup = Setup::new(job.instrument.clone(), job.plan.clone(), camera.clone(), job.sample.kind);
     gonio_recording::check_space(job.output, job.plan, &job.instrument.camera).map_err(journal_failure)?;
     let writer = if job.resume {
-        let (writer, done) = gonio_recording::resume(job.output, &header, Clock::System).map_err(journal_failure)?;
+        let (writer, done) =
+            gonio_recording::resume(job.output, &header, Clock::System).map_err(journal_failure)?;
         for pose in Session::open(job.output).map_err(journal_failure)?.poses().flatten() {
             on_pose(pose);
         }
@@ -137,7 +138,10 @@ pub fn verdict(recorded: &Recorded, session: &Path) -> Result<crate::Outcome, Fa
         Outcome::Done => Ok(crate::Outcome::Done),
         Outcome::Partial { lost } => {
             let names: Vec<String> = lost.iter().map(|l| format!("pose {}: {}", l.index, l.reason)).collect();
-            Ok(crate::Outcome::WithLoss(format!("{kept}; lost: {}; take them with --resume", names.join("; "))))
+            Ok(crate::Outcome::WithLoss(format!(
+                "{kept}; lost: {}; take them with --resume",
+                names.join("; ")
+            )))
         }
         Outcome::Aborted { emergency, .. } => Err(Failure::Failed(format!(
             "{} on request; {kept}; go on with --resume",
@@ -159,9 +163,9 @@ pub fn verdict(recorded: &Recorded, session: &Path) -> Result<crate::Outcome, Fa
 /// A wrong name or a session that stands in the way is the user's to mend; a full disk is a failure.
 fn journal_failure(e: RecordingError) -> Failure {
     match &e {
-        RecordingError::DiskFull { .. } | RecordingError::NotEnoughSpace { .. } | RecordingError::Io { .. } => {
-            Failure::Failed(e.to_string())
-        }
+        RecordingError::DiskFull { .. }
+        | RecordingError::NotEnoughSpace { .. }
+        | RecordingError::Io { .. } => Failure::Failed(e.to_string()),
         _ => Failure::usage(e),
     }
 }

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use gonio_brdf::formats::{self, Loaded, Target};
 use gonio_brdf::Grid;
+use gonio_brdf::formats::{self, Loaded, Target};
 use serde_json::json;
 
 use crate::outcome::{Failure, Outcome};

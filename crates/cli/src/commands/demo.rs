@@ -61,7 +61,11 @@ pub fn run(a: &DemoArguments, printer: Printer) -> Result<Outcome, Failure> {
     let (Some(fit), Some(files)) = (&scanned.fit, &scanned.files) else {
         return verdict;
     };
-    let truth = [("exponent", vec![paint.exponent]), ("diffuse", paint.diffuse.to_vec()), ("specular", paint.specular.to_vec())];
+    let truth = [
+        ("exponent", vec![paint.exponent]),
+        ("diffuse", paint.diffuse.to_vec()),
+        ("specular", paint.specular.to_vec()),
+    ];
     let mut lines = format!(
         "{} poses, {} frames through the serial driver\n\n{:<10} {:>28}   {}\n",
         scanned.recorded.poses_done, scanned.recorded.frames, "", "truth", "fitted (k = 1)"

@@ -16,7 +16,12 @@ pub fn run(printer: Printer) -> Result<Outcome, Failure> {
     let mut findings = Vec::new();
     for p in &found {
         let id = p.usb_id.map_or_else(String::new, |(v, d)| format!(" usb {v:04x}:{d:04x}"));
-        text += &format!("serial:{}{id} {}{}\n", p.path, p.description, if p.permitted { "" } else { "  NO PERMISSION" });
+        text += &format!(
+            "serial:{}{id} {}{}\n",
+            p.path,
+            p.description,
+            if p.permitted { "" } else { "  NO PERMISSION" }
+        );
         if !p.permitted {
             findings.push(format!(
                 "you may not open {}: add yourself to the group that owns it (`ls -l {}` shows it, usually dialout): \

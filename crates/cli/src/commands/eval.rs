@@ -24,7 +24,10 @@ pub fn run(a: &EvalArguments, printer: Printer) -> Result<Outcome, Failure> {
     output::check_free(&a.output, a.force)?;
     let loaded = formats::open(Path::new(&a.input)).map_err(Failure::usage)?;
     let brdf = loaded.as_brdf().ok_or_else(|| {
-        Failure::usage(format!("{} holds scattered geometries, nothing in between; fit a model to it first", a.input))
+        Failure::usage(format!(
+            "{} holds scattered geometries, nothing in between; fit a model to it first",
+            a.input
+        ))
     })?;
     let geometries = geometry_csv::open(&a.geometries).map_err(Failure::usage)?;
     let mut text = String::from("theta_i_deg,theta_o_deg,phi_deg,r,g,b\n");

@@ -45,16 +45,22 @@ pub fn run(a: &FitArguments, printer: Printer) -> Result<Outcome, Failure> {
         let background = Background { title, ..Background::default() };
         report::save(&report::build(subject.table.as_ref(), Some(&fit), background), path, None)?;
     }
-    let mut text = format!("{} ({})\n{}", fit.model.name(), fit.status.name(), fitting::parameter_lines(&fit));
+    let mut text =
+        format!("{} ({})\n{}", fit.model.name(), fit.status.name(), fitting::parameter_lines(&fit));
     if let Some(d) = fit.delta_e.beyond_15_deg {
-        text += &format!("  ΔE beyond 15° of the mirror direction: mean {:.2}, 95 % {:.2}, max {:.2}\n", d.mean, d.p95, d.max);
+        text += &format!(
+            "  ΔE beyond 15° of the mirror direction: mean {:.2}, 95 % {:.2}, max {:.2}\n",
+            d.mean, d.p95, d.max
+        );
     }
     if let Some(d) = fit.delta_e.within_15_deg {
         text += &format!("  ΔE within 15°: mean {:.2}, 95 % {:.2}, max {:.2}\n", d.mean, d.p95, d.max);
     }
-    text += &format!("  {} cells, weights {}; {}\n", fit.cells_used, fit.weights.name(), fitting::verdict(&fit));
+    text +=
+        &format!("  {} cells, weights {}; {}\n", fit.cells_used, fit.weights.name(), fitting::verdict(&fit));
     let model = serde_json::to_value(&file).map_err(|e| Failure::failed("the model cannot be written", e))?;
-    printer.result(&text, &json!({ "input": a.input, "model": model, "output": a.output, "report": a.report }));
+    printer
+        .result(&text, &json!({ "input": a.input, "model": model, "output": a.output, "report": a.report }));
     match fit.status.name() {
         "no-data" | "non-finite" => Err(Failure::Failed(format!("{}: {}", a.input, fitting::verdict(&fit)))),
         _ => Ok(Outcome::Done),

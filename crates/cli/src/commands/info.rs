@@ -57,7 +57,10 @@ fn toml_file(path: &Path) -> Result<serde_json::Result<Value>, Failure> {
         Ok(p) => Ok(Ok(json!({
             "content": "plan", "poses": p.poses().len(), "tilt_deg": p.tilt_deg, "spin_deg": p.spin_deg,
         }))),
-        Err(e) => Err(Failure::usage(format!("{}: neither an instrument description nor a plan: {e}", path.display()))),
+        Err(e) => Err(Failure::usage(format!(
+            "{}: neither an instrument description nor a plan: {e}",
+            path.display()
+        ))),
     }
 }
 

@@ -46,7 +46,11 @@ pub fn run(a: &IsolineArguments, printer: Printer) -> Result<Outcome, Failure> {
     }
     output::write_whole(&a.output, text.as_bytes())?;
     printer.result(
-        &format!("{} geometries, {limited} beyond the critical angle; written to {}", geometries.len(), a.output.display()),
+        &format!(
+            "{} geometries, {limited} beyond the critical angle; written to {}",
+            geometries.len(),
+            a.output.display()
+        ),
         &json!({ "geometries": geometries.len(), "limited": limited, "output": a.output }),
     );
     Ok(Outcome::Done)

@@ -60,9 +60,5 @@ pub fn run(a: &ReplayArguments, printer: Printer) -> Result<Outcome, Failure> {
             "reference": calibrated.session, "fit": fitted,
         }),
     );
-    if reduced.lost.is_empty() {
-        Ok(Outcome::Done)
-    } else {
-        Ok(Outcome::WithLoss(reduced.lost.join("; ")))
-    }
+    if reduced.lost.is_empty() { Ok(Outcome::Done) } else { Ok(Outcome::WithLoss(reduced.lost.join("; "))) }
 }

@@ -12,7 +12,8 @@ use crate::output::Printer;
 /// [`Failure::Failed`] where the folder of running scans cannot be read.
 pub fn status(printer: Printer) -> Result<Outcome, Failure> {
     let scans = ask(Ask::Status)?;
-    let text = if scans.is_empty() { "no scan is running".to_owned() } else { scans.iter().map(line).collect() };
+    let text =
+        if scans.is_empty() { "no scan is running".to_owned() } else { scans.iter().map(line).collect() };
     printer.result(&text, &json!({ "scans": scans }));
     Ok(Outcome::Done)
 }

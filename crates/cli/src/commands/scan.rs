@@ -217,8 +217,17 @@ fn with_fit(
         poses: reducer.statistics(),
         link: Some(recorded.link),
         devices: vec![
-            Fact::new("stage", format!("{} {}, firmware {}", recorded.stage.name, recorded.stage.serial, recorded.stage.firmware)),
-            Fact::new("camera", format!("{} {}, {} frames", recorded.camera.name, recorded.camera.serial, recorded.frames)),
+            Fact::new(
+                "stage",
+                format!(
+                    "{} {}, firmware {}",
+                    recorded.stage.name, recorded.stage.serial, recorded.stage.firmware
+                ),
+            ),
+            Fact::new(
+                "camera",
+                format!("{} {}, {} frames", recorded.camera.name, recorded.camera.serial, recorded.frames),
+            ),
         ],
         lost: &lost,
     };
@@ -257,7 +266,11 @@ fn virtual_white(
     let job = Job {
         instrument,
         plan: &plan,
-        sample: SampleRecord { kind: ScanKind::White, id: "virtual white".to_owned(), ..SampleRecord::default() },
+        sample: SampleRecord {
+            kind: ScanKind::White,
+            id: "virtual white".to_owned(),
+            ..SampleRecord::default()
+        },
         certificate: Some(Certificate::virtual_white()),
         provenance,
         attachments: Vec::new(),
@@ -269,7 +282,9 @@ fn virtual_white(
     let recorded = scanning::record(&job, &mut rig, map, cancel, None, &mut |_| {})?;
     match scanning::verdict(&recorded, &path) {
         Ok(Outcome::Done) => Ok(path),
-        Ok(Outcome::WithLoss(why)) => Err(Failure::Failed(format!("the white reference is incomplete: {why}"))),
+        Ok(Outcome::WithLoss(why)) => {
+            Err(Failure::Failed(format!("the white reference is incomplete: {why}")))
+        }
         Err(e) => Err(e),
     }
 }

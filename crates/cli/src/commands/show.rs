@@ -18,7 +18,10 @@ use crate::report::{self, Background};
 pub fn run(a: &ShowArguments, printer: Printer) -> Result<Outcome, Failure> {
     let html = a.output.join("report.html");
     if html.exists() && !a.force {
-        return Err(Failure::usage(format!("{} exists; choose another folder or say --force", html.display())));
+        return Err(Failure::usage(format!(
+            "{} exists; choose another folder or say --force",
+            html.display()
+        )));
     }
     std::fs::create_dir_all(&a.output)
         .map_err(|e| Failure::usage(format!("folder {} cannot be made: {e}", a.output.display())))?;

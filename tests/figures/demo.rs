@@ -18,9 +18,9 @@ pub fn figures() -> Vec<Figure> {
             "gonio demo",
             if code == std::process::ExitCode::SUCCESS { "done" } else { "failed" },
             "done",
-            1,
+            Some(1),
             code == std::process::ExitCode::SUCCESS,
         ),
-        Figure::at_most("gonio demo, seconds on this machine", seconds, 60.0, 1),
+        Figure::at_most("gonio demo, seconds on this machine", seconds, 60.0, Some(1)),
     ]
 }

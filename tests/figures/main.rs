@@ -21,23 +21,23 @@ pub struct Figure {
 
 impl Figure {
     /// A figure that must not exceed its bound.
-    fn at_most(name: impl Into<String>, value: f64, bound: f64, seed: impl ToString) -> Self {
+    fn at_most(name: impl Into<String>, value: f64, bound: f64, seed: Option<u64>) -> Self {
         Self {
             name: name.into(),
             value: format!("{value:.4e}"),
             bound: format!("≤ {bound}"),
-            seed: seed.to_string(),
+            seed: seed.map_or_else(|| "-".to_owned(), |s| s.to_string()),
             met: value <= bound,
         }
     }
 
     /// A figure that must lie in a range.
-    fn within(name: impl Into<String>, value: f64, low: f64, high: f64, seed: impl ToString) -> Self {
+    fn within(name: impl Into<String>, value: f64, low: f64, high: f64, seed: Option<u64>) -> Self {
         Self {
             name: name.into(),
             value: format!("{value:.4}"),
             bound: format!("{low} … {high}"),
-            seed: seed.to_string(),
+            seed: seed.map_or_else(|| "-".to_owned(), |s| s.to_string()),
             met: (low..=high).contains(&value),
         }
     }
@@ -47,10 +47,16 @@ impl Figure {
         name: impl Into<String>,
         value: impl Into<String>,
         bound: &str,
-        seed: impl ToString,
+        seed: Option<u64>,
         met: bool,
     ) -> Self {
-        Self { name: name.into(), value: value.into(), bound: bound.to_owned(), seed: seed.to_string(), met }
+        Self {
+            name: name.into(),
+            value: value.into(),
+            bound: bound.to_owned(),
+            seed: seed.map_or_else(|| "-".to_owned(), |s| s.to_string()),
+            met,
+        }
     }
 }
 

@@ -1,6 +1,11 @@
 //! Real materials, fitted without starting values. Needs `GONIO_DATA`.
 
-use gonio_tests::real_data;
+use std::path::Path;
+
+use gonio::fitting::{self, Subject};
+use gonio::report::{self, Background};
+use gonio_brdf::formats;
+use gonio_tests::{RealData, real_data};
 
 use crate::Figure;
 
@@ -17,40 +22,28 @@ const MATERIALS: &[&str] = &[
 /// Status of each fit.
 pub fn figures() -> Vec<Figure> {
     let Some(data) = real_data("figures of real materials") else {
-        return vec![Figure::said("real materials", "GONIO_DATA is unset: did not run", "-", "-", true)];
+        return vec![Figure::said("real materials", "GONIO_DATA is unset: did not run", "-", None, true)];
     };
-    MATERIALS
-        .iter()
-        .map(|name| {
-            let file = data.file(name.split('#').next().unwrap_or(name));
-            let input = name.split_once('#').map_or_else(
-                || file.display().to_string(),
-                |(_, material)| format!("{}#{material}", file.display()),
-            );
-            let report = crate::scans::path("material.report.html");
-            let model = crate::scans::path("material.model.json");
-            let words = ["gonio", "fit", &input, "--force", "-o"]
-                .map(std::ffi::OsString::from)
-                .into_iter()
-                .chain([model.clone().into(), "--report".into(), report.clone().into()]);
-            let code = gonio::run(words);
-            let fit: Option<serde_json::Value> =
-                std::fs::read_to_string(&model).ok().and_then(|t| serde_json::from_str(&t).ok());
-            let status = fit.as_ref().and_then(|f| f["fit"]["status"].as_str()).unwrap_or("none").to_owned();
-            let delta = fit.as_ref().and_then(|f| f["fit"]["delta_e"]["beyond_15_deg"]["mean"].as_f64());
-            let told = std::fs::metadata(&report).is_ok_and(|m| m.len() > 1000);
-            let _ = std::fs::remove_file(&model);
-            let _ = std::fs::remove_file(&report);
-            Figure::said(
-                *name,
-                format!(
-                    "{status}, mean ΔE beyond 15°: {}",
-                    delta.map_or("–".to_owned(), |d| format!("{d:.2}"))
-                ),
-                "status, report",
-                "-",
-                code == std::process::ExitCode::SUCCESS && told && status != "none",
-            )
-        })
-        .collect()
+    MATERIALS.iter().map(|name| figure(&data, name)).collect()
+}
+
+/// As `gonio fit FILE --report R.html` does it.
+fn figure(data: &RealData, name: &str) -> Figure {
+    let (file, material) = name.split_once('#').map_or((name, None), |(f, m)| (f, Some(m)));
+    let mut input = data.file(file).display().to_string();
+    if let Some(m) = material {
+        input += &format!("#{m}");
+    }
+    let subject = formats::open(Path::new(&input))
+        .map_err(|e| e.to_string())
+        .and_then(|loaded| Subject::of(&loaded).map_err(|e| e.to_string()))
+        .unwrap_or_else(|e| panic!("{name}: {e}"));
+    let options = fitting::options("auto", None, 75.0, subject.has_sigma).expect("valid options");
+    let fit = gonio_fitter::fit(&subject.observations, &options);
+    let html = report::build(subject.table.as_ref(), Some(&fit), Background::default()).to_html();
+    let told = html.is_ok_and(|h| h.contains(fit.status.name()));
+    let delta = fit.delta_e.beyond_15_deg.map_or_else(|| "-".to_owned(), |d| format!("{:.2}", d.mean));
+    let ended = !matches!(fit.status.name(), "no-data" | "non-finite");
+    let value = format!("{}, mean ΔE beyond 15°: {delta}", fit.status.name());
+    Figure::said(name, value, "status, report", None, ended && told)
 }

@@ -109,9 +109,9 @@ pub fn figures() -> Vec<Figure> {
         .map(|r| relative(fresnel::dielectric(r[0].to_radians().cos(), r[1]), r[2]))
         .fold(0.0, f64::max);
     vec![
-        Figure::at_most(format!("NaN, infinite or negative values in {count}"), bad as f64, 0.0, "-"),
-        Figure::at_most("fresnel.csv, largest relative error", fresnel_off, 1e-9, "-"),
-        Figure::at_most("ashikhmin.csv, largest relative error", ashikhmin(), 1e-9, "-"),
-        Figure::at_most("isoline.csv, largest error in degrees", isolines(), 1e-9, "-"),
+        Figure::at_most(format!("NaN, infinite or negative values in {count}"), bad as f64, 0.0, None),
+        Figure::at_most("fresnel.csv, largest relative error", fresnel_off, 1e-9, None),
+        Figure::at_most("ashikhmin.csv, largest relative error", ashikhmin(), 1e-9, None),
+        Figure::at_most("isoline.csv, largest error in degrees", isolines(), 1e-9, None),
     ]
 }

@@ -31,19 +31,19 @@ fn recovered(name: &str, made: &Made, seed: u64) -> Vec<Figure> {
             format!("{name}: exponent {}, relative error", made.truth.exponent),
             (value("exponent") / made.truth.exponent - 1.0).abs(),
             0.02,
-            seed,
+            Some(seed),
         ),
         Figure::at_most(
             format!("{name}: cd, largest relative error"),
             worst("diffuse", made.truth.diffuse),
             0.01,
-            seed,
+            Some(seed),
         ),
         Figure::at_most(
             format!("{name}: cs, largest relative error"),
             worst("specular", made.truth.specular),
             0.03,
-            seed,
+            Some(seed),
         ),
     ]
 }
@@ -55,7 +55,7 @@ pub fn demo_paint() -> Vec<Figure> {
         "demo paint",
         format!("cd {:?} cs {:?} n {}", p.diffuse, p.specular, p.exponent),
         "printed",
-        "-",
+        None,
         true,
     )];
     for seed in 1..=6 {
@@ -99,7 +99,7 @@ pub fn hard_pairs() -> Vec<Figure> {
                 format!("cd {cd}, cs {cs}: {name} is {is}"),
                 format!("{p:.5} in [{low:.5}, {high:.5}]"),
                 "holds it (3 σ)",
-                1,
+                Some(1),
                 (low..=high).contains(&is),
             ));
         }
@@ -130,9 +130,9 @@ fn compared(name: &str, made: &Made, seed: u64) -> Vec<Figure> {
         let value = t.values[i].map(f64::from);
         let d = ciede2000(lab_from_brdf(value), lab_from_brdf(truth));
         if g.from_mirror().degrees() <= 15.0 {
-            within.push(d)
+            within.push(d);
         } else {
-            beyond.push(d)
+            beyond.push(d);
         }
         for c in 0..3 {
             let z = (value[c] - truth[c]).abs() / f64::from(t.sigma[i][c]);
@@ -155,12 +155,30 @@ fn compared(name: &str, made: &Made, seed: u64) -> Vec<Figure> {
             format!("{name}: ΔE beyond 15°, mean / 95th / max"),
             words(b),
             "mean ≤ 0.3",
-            seed,
+            Some(seed),
             b.0 <= 0.3,
         ),
-        Figure::said(format!("{name}: ΔE within 15°, mean / 95th / max"), words(w), "printed", seed, true),
-        Figure::within(format!("{name}: cells within 3 σ of the truth, %"), share(three), 99.0, 100.0, seed),
-        Figure::within(format!("{name}: cells within 1 σ of the truth, %"), share(one), 60.0, 76.0, seed),
+        Figure::said(
+            format!("{name}: ΔE within 15°, mean / 95th / max"),
+            words(w),
+            "printed",
+            Some(seed),
+            true,
+        ),
+        Figure::within(
+            format!("{name}: cells within 3 σ of the truth, %"),
+            share(three),
+            99.0,
+            100.0,
+            Some(seed),
+        ),
+        Figure::within(
+            format!("{name}: cells within 1 σ of the truth, %"),
+            share(one),
+            60.0,
+            76.0,
+            Some(seed),
+        ),
     ]
 }
 
@@ -185,7 +203,7 @@ pub fn replay() -> Vec<Figure> {
         "replayed table against the live one",
         if same { "same bytes" } else { "differs" },
         "same bytes",
-        1,
+        Some(1),
         same,
     )]
 }

@@ -53,7 +53,7 @@ fn ashikhmin_shirley_meets_the_table_in_both_forms() {
 /// An angle to 1e-9°, or its cosine (near 0° and 90°, where the angle is the worse variable) to 1e-9 of a degree's radian.
 fn angle(what: &str, got: Angle, want_deg: f64) {
     let want = Angle::from_degrees(want_deg);
-    let edge = want_deg < 1e-6 || want_deg > 90.0 - 1e-6;
+    let edge = !(1e-6..=90.0 - 1e-6).contains(&want_deg);
     let off = if edge { (got.cos() - want.cos()).abs().to_degrees() } else { (got - want).degrees().abs() };
     assert!(off <= 1e-9, "{what}: {got}, table {want_deg}");
 }

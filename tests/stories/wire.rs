@@ -230,7 +230,7 @@ fn faults_of_the_device_are_told_with_advice() {
     let seen = Arc::clone(&events);
     let options = Options {
         events: Some(Arc::new(move |event: &StageEvent| {
-            seen.lock().expect("not poisoned").push(event.clone())
+            seen.lock().expect("not poisoned").push(event.clone());
         })),
         ..Options::default()
     };

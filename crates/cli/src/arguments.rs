@@ -21,6 +21,7 @@ pub struct Arguments {
 
 /// The commands of the contract.
 #[derive(Debug, Subcommand)]
+#[allow(clippy::large_enum_variant)] // made once a run
 pub enum Command {
     /// A whole scan of a virtual paint: recorded, processed, fitted, with pictures
     #[command(after_help = "Examples:\n  gonio demo\n  gonio demo -o out/blue --seed 7 --exponent 410")]

@@ -13,7 +13,7 @@ use crate::output::{self, Printer};
 /// # Errors
 /// [`Failure::Failed`] for a session of which nothing can be read.
 pub fn verify(session: &Path, printer: Printer) -> Result<Outcome, Failure> {
-    let report = gonio_recording::verify(session).map_err(unreadable)?;
+    let report = gonio_recording::verify(session).map_err(|e| unreadable(&e))?;
     printer.result(&words(&report), &value(&report)?);
     verdict(&report)
 }
@@ -24,13 +24,13 @@ pub fn verify(session: &Path, printer: Printer) -> Result<Outcome, Failure> {
 /// [`Failure::Usage`] where the output stands in the way, [`Failure::Failed`] where nothing can be read or written.
 pub fn recover(session: &Path, output: &Path, force: bool, printer: Printer) -> Result<Outcome, Failure> {
     output::check_free(output, force)?;
-    let report = gonio_recording::recover(session, output, force).map_err(unreadable)?;
+    let report = gonio_recording::recover(session, output, force).map_err(|e| unreadable(&e))?;
     let text = format!("{}written to {}", words(&report), output.display());
     printer.result(&text, &json!({ "source": value(&report)?, "output": output }));
     verdict(&report)
 }
 
-fn unreadable(e: RecordingError) -> Failure {
+fn unreadable(e: &RecordingError) -> Failure {
     Failure::Failed(e.to_string())
 }
 

@@ -1,6 +1,7 @@
 //! The virtual instrument traces its mirror with code of its own, the evaluation inverts it with other code: where both look
 //! at the same instrument, nominal or out of alignment, they must see the same.
 
+use gonio_acquisition::optics::Optics;
 use gonio_acquisition::pixel_map::PixelMap;
 use gonio_instrument::{Description, Misalignment, Pose, builtin};
 use gonio_optics::{Angle, Vec3};
@@ -14,7 +15,8 @@ fn tiny() -> Description {
 fn largest_disagreement(errors: &Misalignment, pose: Pose) -> (Angle, Angle, usize) {
     let description = tiny();
     let virtual_optics = VirtualOptics::new(&description, errors);
-    let map = PixelMap::new(&Description { calibration: Some(errors.clone()), ..description.clone() });
+    let calibrated = Description { calibration: Some(errors.clone()), ..description.clone() };
+    let (optics, map) = (Optics::new(&calibrated), PixelMap::new(&calibrated));
     // the encoder's tilt plus the zero error is where the holder stands
     let readback = Pose { tilt: pose.tilt - Angle::from_degrees(errors.tilt_zero_deg), ..pose };
     let (sample_from_lab, theta_i) = map.frame(readback);
@@ -23,7 +25,8 @@ fn largest_disagreement(errors: &Misalignment, pose: Pose) -> (Angle, Angle, usi
     for row in 0..description.camera.size[1] {
         for column in 0..description.camera.size[0] {
             let Some(sight) = virtual_optics.trace_pixel(pose, &sample, column, row) else { continue };
-            let here = map.direction((row * description.camera.size[0] + column) as usize);
+            let centre = (f64::from(column) + 0.5, f64::from(row) + 0.5);
+            let here = optics.view(centre.0, centre.1).expect("both see the mirror").direction;
             lab = lab.max(here.angle_to(sight.view_lab));
             // azimuths count from the light in both
             let g = gonio_optics::Geometry::from_directions(

@@ -101,33 +101,3 @@ fn a_lobe_is_met_cell_by_cell_within_honest_uncertainty() {
     let (one, three) = shares(&r);
     assert!(three >= 0.99 && (0.60..0.76).contains(&one), "1σ {one} 3σ {three}");
 }
-
-#[test]
-#[ignore = "full size, for figures: cargo test --release -- --ignored --nocapture"]
-fn figures_at_full_size() {
-    let d = coarse(1);
-    for exponent in [120.0, 1300.0] {
-        let truth = AshikhminShirleySimplified { diffuse: [0.3, 0.2, 0.1], specular: [0.1; 3], exponent };
-        for noisy in [false, true] {
-            let mut noise = noisy.then_some(Noise(11));
-            let m = reduce(&d, &truth, &[0.0, 5.0, 30.0, 60.0, 85.0], Options::default(), &mut noise);
-            let r = residuals(&m, &truth);
-            let (one, three) = shares(&r);
-            eprintln!("n {exponent} noisy {noisy}: cells {} 1σ {one:.3} 3σ {three:.4}", r.len() / 3);
-            eprintln!("  {}", m.attributes["uncertainty_budget_relative_rms"]);
-            for ti in [0, 1, 6, 12, 17] {
-                let mine: Vec<_> = r.iter().filter(|v| v.0[0] == ti).copied().collect();
-                let (a, b) = shares(&mine);
-                let mut worst = mine.clone();
-                worst.sort_by(|a, b| b.2.abs().total_cmp(&a.2.abs()));
-                let rms = (mine.iter().map(|v| v.3 * v.3).sum::<f64>() / mine.len() as f64).sqrt();
-                eprintln!(
-                    "  θi {} n {} 1σ {a:.3} 3σ {b:.4} rms {rms:.2e} worst {:?}",
-                    ti * 5,
-                    mine.len(),
-                    &worst[..6]
-                );
-            }
-        }
-    }
-}

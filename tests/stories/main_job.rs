@@ -62,6 +62,9 @@ fn an_interrupted_scan_keeps_what_it_has_and_goes_on_to_the_same_table() {
     let slow: Vec<&str> = slow.into_iter().map(|w| if w == "S.mcap" { "I.mcap" } else { w }).collect();
     let child = bench.start(&slow);
     until("the first pose", || bench.path("I.nc").exists());
+    let status = bench.ok(&["status", "--json"]).json();
+    assert_eq!(status["scans"][0]["session"], "I.mcap", "{status}");
+    assert_eq!(status["scans"][0]["poses_total"], 6, "{status}");
     bench.ok(&["stop"]);
     let ran = end(child);
     assert_eq!(ran.code, 1, "{}", ran.stderr);

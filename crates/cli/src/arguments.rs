@@ -28,7 +28,7 @@ pub enum Command {
     Demo(DemoArguments),
     /// Scan a sample or a reference and record the session
     #[command(
-        after_help = "Examples:\n  gonio scan --device sim --truth paint.json -o S.mcap --fit\n  gonio scan --device serial:/dev/ttyUSB0 --camera sim:cam.sock --kind white -o white.mcap\n  gonio scan --device sim -o S.mcap --resume      go on after an interruption"
+        after_help = "Examples:\n  gonio scan --device sim --truth paint.json -o S.mcap --fit\n  gonio scan --device serial:/dev/ttyUSB0 --camera sim:cam.sock --kind white --certificate W7.json -o white.mcap\n  gonio scan --device sim -o S.mcap --resume      go on after an interruption"
     )]
     Scan(ScanArguments),
     /// Recompute the BRDF from a recorded session
@@ -205,10 +205,10 @@ pub struct ScanArguments {
     /// What is measured
     #[arg(long, value_enum, default_value = "sample")]
     pub kind: Kind,
-    /// Sessions of the white reference (and others); on sim they are taken first where none is given
+    /// Sessions of the white reference (and others); on sim, --fit takes one first where none is given
     #[arg(long)]
     pub reference: Vec<PathBuf>,
-    /// Certificate of the white reference, JSON, for --kind white
+    /// Certificate of the white reference, for --kind white: JSON with serial, issued, expires (YYYY-MM-DD), brdf (a model.json as text), relative_uncertainty
     #[arg(long)]
     pub certificate: Option<PathBuf>,
     /// Use references that are expired or of another instrument; recorded in the result

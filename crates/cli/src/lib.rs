@@ -5,6 +5,7 @@
 
 pub mod arguments;
 pub mod commands;
+pub mod continuing;
 pub mod control;
 pub mod fitting;
 pub mod outcome;
@@ -18,6 +19,7 @@ pub mod scanning;
 pub mod signals;
 
 use std::ffi::OsString;
+use std::io::IsTerminal;
 use std::process::ExitCode;
 
 use clap::Parser;
@@ -33,14 +35,19 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
             return ExitCode::from(if e.use_stderr() { 2 } else { 0 });
         }
     };
+    // what happens to the stage comes back as the one error of the command; -v tells it as it happens too
     let level = match arguments.verbose {
-        0 => "warn",
+        0 => "warn,gonio_driver=error",
         1 => "info",
         _ => "debug",
     };
     let filter = tracing_subscriber::EnvFilter::try_from_env("GONIO_LOG").unwrap_or_else(|_| level.into());
     // a second call in one process (tests) keeps the first subscriber
-    let _ = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).try_init();
+    let _ = tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_ansi(std::io::stderr().is_terminal())
+        .with_writer(std::io::stderr)
+        .try_init();
     give_way();
     outcome::exit_code(&commands::dispatch(arguments))
 }

@@ -32,6 +32,21 @@ pub fn check_free(path: &Path, force: bool) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Refuses to write over a file that is read in the same run, whatever `--force` says: a recording cannot be made again.
+///
+/// # Errors
+/// [`Failure::Usage`] naming it.
+pub fn check_apart(output: &Path, inputs: &[&Path]) -> Result<(), Failure> {
+    let Ok(target) = output.canonicalize() else { return Ok(()) };
+    match inputs.iter().any(|i| i.canonicalize().is_ok_and(|i| i == target)) {
+        true => Err(Failure::usage(format!(
+            "{} is read here and cannot be the output too; choose another name",
+            output.display()
+        ))),
+        false => Ok(()),
+    }
+}
+
 /// Writes a file whole or not at all: to a temporary neighbour first, then renamed.
 ///
 /// # Errors
@@ -56,8 +71,16 @@ fn neighbour(path: &Path, suffix: &str) -> PathBuf {
 /// `S.mcap` → `S.white.mcap`, `S.nc`, `S.report.html`: files that belong to a session stand beside it.
 #[must_use]
 pub fn beside(session: &Path, ending: &str) -> PathBuf {
-    let stem = session.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    session.with_file_name(format!("{stem}.{ending}"))
+    let mut name = session.file_stem().unwrap_or_default().to_os_string();
+    name.push(".");
+    name.push(ending);
+    session.with_file_name(name)
+}
+
+/// A path for JSON, where bytes that are no UTF-8 cannot stand.
+#[must_use]
+pub fn shown(path: &Path) -> String {
+    path.to_string_lossy().into_owned()
 }
 
 /// Reads a text file the user named.

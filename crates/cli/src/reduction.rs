@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use gonio_acquisition::{Options, PixelMap, Reducer, WhiteBuilder, WhiteReference, reference};
 use gonio_brdf::Measured;
-use gonio_instrument::{Description, PoseRecord, SampleRecord, ScanKind};
+use gonio_instrument::{Certificate, Description, PoseRecord, SampleRecord, ScanKind};
 use gonio_recording::Session;
 
 use crate::outcome::Failure;
@@ -21,19 +21,29 @@ pub struct Calibrated {
     pub session: PathBuf,
 }
 
-/// Reads the white reference among `references`, holding it against the instrument and the day of the scan (`YYYY-MM-DD`).
+/// A white reference that may be used.
+pub struct White {
+    /// The session.
+    pub session: Session,
+    /// Its certificate.
+    pub certificate: Certificate,
+    /// What was accepted although it is wrong.
+    pub notes: Vec<String>,
+}
+
+/// The white reference among `references`, held against the instrument and the day of the scan (`YYYY-MM-DD`).
 ///
 /// # Errors
 /// [`Failure::Usage`]: none of them is a white reference, it is expired or of another instrument, or it cannot be read.
-pub fn calibrate(
+pub fn find_white(
     references: &[PathBuf],
     instrument: &Description,
     day: &str,
     accept_stale: bool,
-) -> Result<Calibrated, Failure> {
+) -> Result<White, Failure> {
     let mut kinds = Vec::new();
     for path in references {
-        let session = Session::open(path).map_err(Failure::usage)?;
+        let session = Session::open(path).map_err(|e| Failure::usage(format!("reference {e}")))?;
         let in_session =
             |e: &dyn std::fmt::Display| Failure::usage(format!("reference {}: {e}", path.display()));
         let kind = session.sample().map_err(|e| in_session(&e))?.kind;
@@ -47,24 +57,39 @@ pub fn calibrate(
         let measured_on = session.instrument().map_err(|e| in_session(&e))?;
         let notes = reference::validate(&certificate, &measured_on, instrument, day, accept_stale)
             .map_err(|e| Failure::usage(format!("{}: {e}", path.display())))?;
-        let map = Arc::new(PixelMap::new(instrument));
-        let options = Options::default();
-        let mut builder =
-            WhiteBuilder::new(map.clone(), &certificate, notes, &options).map_err(|e| in_session(&e))?;
-        for pose in session.poses() {
-            match pose {
-                Ok(record) => builder.add_pose(&record).map_err(|e| in_session(&e))?,
-                Err(e) => tracing::warn!("{}: {e}", path.display()),
-            }
-        }
-        let white = builder.finish().map_err(|e| in_session(&e))?;
-        return Ok(Calibrated { map, white, session: path.clone() });
+        return Ok(White { session, certificate, notes });
     }
     Err(Failure::usage(if kinds.is_empty() {
         "a white reference is needed: record one with --kind white and name it with --reference".to_owned()
     } else {
         format!("none of {} is a white reference; record one with --kind white", kinds.join(", "))
     }))
+}
+
+/// Finds the white reference among `references` and computes the calibration of every pixel from it.
+///
+/// # Errors
+/// As [`find_white`].
+pub fn calibrate(
+    references: &[PathBuf],
+    instrument: &Description,
+    day: &str,
+    accept_stale: bool,
+) -> Result<Calibrated, Failure> {
+    let White { session, certificate, notes } = find_white(references, instrument, day, accept_stale)?;
+    let path = session.path().to_owned();
+    let in_session = |e: &dyn std::fmt::Display| Failure::usage(format!("reference {}: {e}", path.display()));
+    let map = Arc::new(PixelMap::new(instrument));
+    let mut builder = WhiteBuilder::new(map.clone(), &certificate, notes, &Options::default())
+        .map_err(|e| in_session(&e))?;
+    for pose in session.poses() {
+        match pose {
+            Ok(record) => builder.add_pose(&record).map_err(|e| in_session(&e))?,
+            Err(e) => tracing::warn!("{}: {e}", path.display()),
+        }
+    }
+    let white = builder.finish().map_err(|e| in_session(&e))?;
+    Ok(Calibrated { map, white, session: path })
 }
 
 /// The reference sessions of a recorded session: those named, else the one recorded with it, else the one that stands beside it.

@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 
 use crate::fitting::{self, Subject};
 use crate::outcome::Failure;
-use crate::output::{beside, check_free, write_whole};
+use crate::output::{beside, check_free, shown, write_whole};
 use crate::report::{self, Background};
 
 /// The files that belong to a session.
@@ -60,7 +60,10 @@ impl Files {
     /// As JSON.
     #[must_use]
     pub fn to_json(&self) -> Value {
-        json!({ "table": self.table, "model": self.model, "report": self.report, "pictures": self.pictures })
+        json!({
+            "table": shown(&self.table), "model": shown(&self.model), "report": shown(&self.report),
+            "pictures": shown(&self.pictures),
+        })
     }
 }
 

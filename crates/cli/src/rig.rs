@@ -3,13 +3,16 @@
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
-use std::time::{Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use gonio_driver::camera::SocketCamera;
 use gonio_driver::stage::{Direction, Options, SerialStage};
-use gonio_instrument::{Camera, Certificate, Description, Misalignment, Plan, ScanKind, Stage, builtin};
+use gonio_driver::transport::{FaultyTransport, LineFaults, SerialTransport, Transport, serial};
+use gonio_instrument::{
+    Camera, Certificate, Description, DeviceError, Misalignment, Plan, ScanKind, Stage, builtin,
+};
 use gonio_sim::firmware::serve::pty::{Pty, serve_pty};
-use gonio_sim::firmware::{Faults, Firmware, Settings};
+use gonio_sim::firmware::{Faults, Firmware, LinkFaults, Settings};
 use gonio_sim::optics::Sample;
 use gonio_sim::world::World;
 use gonio_sim::{Truth, VirtualCamera};
@@ -26,7 +29,7 @@ pub struct WireRecord {
     /// Which way.
     pub direction: gonio_recording::Direction,
     /// When, since the Unix epoch.
-    pub time: std::time::Duration,
+    pub time: Duration,
     /// What.
     pub bytes: Vec<u8>,
 }
@@ -162,9 +165,9 @@ impl Rig {
                 }
             },
         };
-        let camera: Box<dyn Camera> = match (camera.strip_prefix("sim:"), camera, virtual_camera) {
-            (Some(socket), _, _) => Box::new(SocketCamera::connect(Path::new(socket))?),
-            (None, "sim", Some(virtual_camera)) => Box::new(virtual_camera),
+        let socket = match (camera.strip_prefix("sim:"), camera, &virtual_camera) {
+            (Some(socket), _, _) => Some(Path::new(socket)),
+            (None, "sim", Some(_)) => None,
             (None, "sim", None) => {
                 return Err(Failure::usage(
                     "--camera sim goes with --device sim; for a virtual camera of another program give sim:SOCKET",
@@ -174,9 +177,42 @@ impl Rig {
                 return Err(Failure::usage(format!("--camera {other}: expected sim or sim:SOCKET")));
             }
         };
-        let stage = Box::new(SerialStage::open(&path, options)?);
+        let line = simulated.and_then(|s| s.faults.link.map(|l| (l, s.seed)));
+        let stage = Box::new(SerialStage::connect(transport(&path, line)?, options)?);
+        let camera: Box<dyn Camera> = match (socket, virtual_camera) {
+            (None, Some(c)) => Box::new(c),
+            (socket, _) => Box::new(socket_camera(socket.unwrap_or(Path::new("")))?),
+        };
         Ok(Self { stage, camera, wire, _virtual: pty })
     }
+}
+
+/// The serial port at `path`, behind a bad line where the faults file of the virtual instrument asks for one.
+fn transport(path: &str, line: Option<(LinkFaults, u64)>) -> Result<Box<dyn Transport>, DeviceError> {
+    let port = SerialTransport::open(path, serial::DEFAULT_BAUD)?;
+    let Some((l, seed)) = line else { return Ok(Box::new(port)) };
+    let faults = LineFaults {
+        loss: l.loss,
+        corruption: l.corruption,
+        duplication: l.duplication,
+        reorder: l.reorder,
+        delay: Duration::from_millis(u64::from(l.delay_ms)),
+        hang_up_after: l.hang_up_after,
+    };
+    Ok(Box::new(FaultyTransport::new(port, faults, seed)))
+}
+
+/// The camera of another program.
+fn socket_camera(socket: &Path) -> Result<SocketCamera, Failure> {
+    SocketCamera::connect(socket).map_err(|e| {
+        let at = socket.display();
+        let refused = std::os::unix::net::UnixStream::connect(socket).is_err();
+        Failure::Device(if refused {
+            format!("no camera listens at {at}; start it first, for instance `gonio sim --pty stage --camera-socket {at}`")
+        } else {
+            format!("camera at {at}: {e}")
+        })
+    })
 }
 
 /// Sends every byte to the journal's end of a channel, never waiting.
@@ -200,6 +236,9 @@ fn tap(sender: SyncSender<WireRecord>) -> gonio_driver::stage::Tap {
 pub fn instrument(name: &str) -> Result<Description, Failure> {
     match builtin::description(name) {
         Some(d) => d.map_err(Failure::usage),
+        None if !Path::new(name).exists() => Err(Failure::usage(format!(
+            "--instrument {name}: expected `reference`, `tiny` or a TOML file; no such file is there"
+        ))),
         None => Description::from_toml(&read_text(Path::new(name))?)
             .map_err(|e| Failure::usage(format!("{name}: {e}"))),
     }

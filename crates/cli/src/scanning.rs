@@ -10,7 +10,7 @@ use gonio_acquisition::journal::Journal;
 use gonio_acquisition::runner::{self, Observer};
 use gonio_instrument::{
     CameraInfo, Cancel, Certificate, Description, Exposure, LinkStatistics, Plan, Pose, PoseRecord,
-    SampleRecord, Sensors, StageIdentity,
+    SampleRecord, Sensors, StageIdentity, Stopping,
 };
 use gonio_recording::{Attachment, Clock, Devices, Header, RecordingError, Session, Writer, WriterOptions};
 
@@ -100,12 +100,20 @@ pub fn record(
         on_pose,
         last: None,
     };
-    let outcome =
+    let mut outcome =
         runner::run(setup, map, &mut *rig.stage, &mut *rig.camera, &mut journal, cancel, &mut watcher);
     watcher.bar.finish_and_clear();
+    if let Outcome::Aborted { emergency, .. } = &mut outcome {
+        // the device may be the first to say that it was stopped
+        *emergency |= cancel.state() == Stopping::Emergency;
+    }
     let last = watcher.last;
     let _ = journal.drain();
     let finished = journal.writer.finish();
+    if matches!(outcome, Outcome::Refused(_)) && !job.resume {
+        // refused before anything was measured: nothing to keep
+        let _ = std::fs::remove_file(job.output);
+    }
     let recorded = Recorded {
         poses_done: last.map_or(0, |p| p.poses_done),
         poses_total: total,
@@ -152,12 +160,18 @@ pub fn verdict(recorded: &Recorded, session: &Path) -> Result<crate::Outcome, Fa
         }
         Outcome::Refused(e) => Err(Failure::usage(e)),
         Outcome::Failed { error: ScanError::Device(e), .. } => {
-            Err(Failure::Device(format!("{e}; {kept}; go on with --resume")))
+            Err(Failure::Device(told(e.to_string(), &kept)))
         }
         Outcome::Failed { error: ScanError::Journal(e), .. } => {
-            Err(Failure::Failed(format!("{e}; {kept}; make room and go on with --resume")))
+            Err(Failure::Failed(told(e.to_string(), &kept)))
         }
     }
+}
+
+/// An error with what is kept; how to go on is said once.
+fn told(error: String, kept: &str) -> String {
+    let how = if error.contains("--resume") { "" } else { "; go on with --resume" };
+    format!("{error}; {kept}{how}")
 }
 
 /// A wrong name or a session that stands in the way is the user's to mend; a full disk is a failure.

@@ -20,6 +20,7 @@ pub struct Info {
     /// Identity shared by all segments.
     pub id: Option<String>,
     /// The files.
+    #[serde(serialize_with = "crate::paths::all_shown")]
     pub files: Vec<PathBuf>,
     /// Their size together.
     pub bytes: u64,

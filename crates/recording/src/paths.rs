@@ -38,6 +38,16 @@ pub(crate) fn continuations(first: &Path) -> Vec<u32> {
     numbers
 }
 
+/// A path in JSON; bytes that are no UTF-8 cannot stand there and are replaced.
+pub(crate) fn shown<S: serde::Serializer>(path: &Path, s: S) -> Result<S::Ok, S::Error> {
+    s.serialize_str(&path.to_string_lossy())
+}
+
+/// Several of them.
+pub(crate) fn all_shown<S: serde::Serializer>(paths: &[PathBuf], s: S) -> Result<S::Ok, S::Error> {
+    s.collect_seq(paths.iter().map(|p| p.to_string_lossy()))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

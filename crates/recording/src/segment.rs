@@ -18,6 +18,7 @@ use crate::seal::{self, Kind, Seal};
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Finding {
     /// The file.
+    #[serde(serialize_with = "crate::paths::shown")]
     pub path: PathBuf,
     /// Where the part concerned begins.
     pub offset: u64,

@@ -50,6 +50,7 @@ pub struct Report {
     /// The verdict.
     pub status: Status,
     /// The files of the session.
+    #[serde(serialize_with = "crate::paths::all_shown")]
     pub files: Vec<PathBuf>,
     /// Whether every file was closed with its summary.
     pub finished: bool,

@@ -21,11 +21,22 @@ impl FormatError {
     }
 }
 
+/// What to do about the words of the operating system.
+fn advice(e: &std::io::Error) -> &'static str {
+    use std::io::ErrorKind;
+    match e.kind() {
+        ErrorKind::NotFound => "; check the name of the file",
+        ErrorKind::PermissionDenied => "; check the owner and mode of the file and its folder",
+        ErrorKind::StorageFull | ErrorKind::QuotaExceeded => "; make room or choose another place",
+        _ => "",
+    }
+}
+
 /// What is wrong, without the path: the readers work on bytes and do not know where these came from.
 #[derive(Debug, thiserror::Error)]
 pub enum Problem {
     /// The operating system refused.
-    #[error("{0}")]
+    #[error("{}{}", .0, advice(.0))]
     Io(#[from] std::io::Error),
     /// The output is there already.
     #[error("exists already and is not overwritten; remove it, choose another name or give --force")]

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use gonio_brdf::Grid;
-use gonio_brdf::formats::{self, Loaded, Target};
+use gonio_brdf::formats::{self, Loaded, Problem, Target};
 use serde_json::json;
 
 use crate::outcome::{Failure, Outcome};
@@ -15,6 +15,7 @@ use crate::output::{self, Printer};
 /// [`Failure::Usage`] for files that cannot be read, or written in the form asked for.
 pub fn run(input: &str, output: &Path, force: bool, printer: Printer) -> Result<Outcome, Failure> {
     output::check_free(output, force)?;
+    output::check_apart(output, &[Path::new(input)])?;
     let target = Target::from_path(output).map_err(Failure::usage)?;
     let loaded = formats::open(Path::new(input)).map_err(Failure::usage)?;
     let loaded = match (target, loaded) {
@@ -26,13 +27,16 @@ pub fn run(input: &str, output: &Path, force: bool, printer: Printer) -> Result<
         }
         (_, l) => l,
     };
-    let saved = formats::save(output, &loaded, target, force).map_err(Failure::usage)?;
+    let saved = formats::save(output, &loaded, target, force).map_err(|e| match e.problem {
+        Problem::Io(_) => Failure::failed("the conversion cannot be written", e),
+        _ => Failure::usage(e),
+    })?;
     for loss in &saved.losses {
         eprintln!("note: {loss}");
     }
     printer.result(
         &format!("written to {}", output.display()),
-        &json!({ "input": input, "output": output, "not_kept": saved.losses }),
+        &json!({ "input": input, "output": output::shown(output), "not_kept": saved.losses }),
     );
     Ok(Outcome::Done)
 }

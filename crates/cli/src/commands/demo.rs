@@ -8,7 +8,7 @@ use serde_json::json;
 
 use crate::arguments::{DemoArguments, Kind, ScanArguments, VirtualArguments};
 use crate::outcome::{Failure, Outcome};
-use crate::output::{Printer, check_free, write_whole};
+use crate::output::{Printer, check_free, shown, write_whole};
 use crate::{fitting, rig, scanning, signals};
 
 use super::scan;
@@ -19,15 +19,15 @@ use super::scan;
 /// As `gonio scan`.
 pub fn run(a: &DemoArguments, printer: Printer) -> Result<Outcome, Failure> {
     let started = Instant::now();
-    std::fs::create_dir_all(&a.output)
-        .map_err(|e| Failure::usage(format!("folder {} cannot be made: {e}", a.output.display())))?;
     let truth_path = a.output.join("demo.truth.json");
     let session = a.output.join("demo.mcap");
-    check_free(&session, a.force)?;
     let paint = paint(a)?;
     let file = ModelFile { model: Model::AshikhminShirleySimplified(paint), coat: None, fit: None };
     file.check().map_err(Failure::usage)?;
     let text = file.to_json().map_err(|e| Failure::failed("the paint cannot be written", e))?;
+    std::fs::create_dir_all(&a.output)
+        .map_err(|e| Failure::usage(format!("folder {} cannot be made: {e}", a.output.display())))?;
+    check_free(&session, a.force)?;
     write_whole(&truth_path, text.as_bytes())?;
     let arguments = ScanArguments {
         device: "sim".to_owned(),
@@ -90,7 +90,7 @@ pub fn run(a: &DemoArguments, printer: Printer) -> Result<Outcome, Failure> {
     printer.result(
         &lines,
         &json!({
-            "session": session, "truth": file, "fit": fit.to_json(), "files": files.to_json(), "seconds": seconds,
+            "session": shown(&session), "truth": file, "fit": fit.to_json(), "files": files.to_json(), "seconds": seconds,
             "poses": scanned.recorded.poses_done, "frames": scanned.recorded.frames,
         }),
     );

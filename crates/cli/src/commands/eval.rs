@@ -22,6 +22,7 @@ pub fn run(a: &EvalArguments, printer: Printer) -> Result<Outcome, Failure> {
         )));
     }
     output::check_free(&a.output, a.force)?;
+    output::check_apart(&a.output, &[Path::new(&a.input), &a.geometries])?;
     let loaded = formats::open(Path::new(&a.input)).map_err(Failure::usage)?;
     let brdf = loaded.as_brdf().ok_or_else(|| {
         Failure::usage(format!(
@@ -45,7 +46,7 @@ pub fn run(a: &EvalArguments, printer: Printer) -> Result<Outcome, Failure> {
     output::write_whole(&a.output, text.as_bytes())?;
     printer.result(
         &format!("{} geometries, written to {}", geometries.len(), a.output.display()),
-        &json!({ "geometries": geometries.len(), "output": a.output }),
+        &json!({ "geometries": geometries.len(), "output": output::shown(&a.output) }),
     );
     Ok(Outcome::Done)
 }

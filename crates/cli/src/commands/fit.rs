@@ -30,6 +30,10 @@ impl From<WeightsName> for Weights {
 pub fn run(a: &FitArguments, printer: Printer) -> Result<Outcome, Failure> {
     for path in a.output.iter().chain(&a.report) {
         output::check_free(path, a.force)?;
+        output::check_apart(path, &[Path::new(&a.input)])?;
+    }
+    if a.output.is_some() && a.output == a.report {
+        return Err(Failure::usage("--output and --report name the same file; give each its own"));
     }
     let loaded = formats::open(Path::new(&a.input)).map_err(Failure::usage)?;
     let subject = Subject::of(&loaded)?;
@@ -60,7 +64,7 @@ pub fn run(a: &FitArguments, printer: Printer) -> Result<Outcome, Failure> {
         &format!("  {} cells, weights {}; {}\n", fit.cells_used, fit.weights.name(), fitting::verdict(&fit));
     let model = serde_json::to_value(&file).map_err(|e| Failure::failed("the model cannot be written", e))?;
     printer
-        .result(&text, &json!({ "input": a.input, "model": model, "output": a.output, "report": a.report }));
+        .result(&text, &json!({ "input": a.input, "model": model, "output": a.output.as_deref().map(output::shown), "report": a.report.as_deref().map(output::shown) }));
     match fit.status.name() {
         "no-data" | "non-finite" => Err(Failure::Failed(format!("{}: {}", a.input, fitting::verdict(&fit)))),
         _ => Ok(Outcome::Done),

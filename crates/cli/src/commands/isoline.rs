@@ -20,6 +20,7 @@ pub fn run(a: &IsolineArguments, printer: Printer) -> Result<Outcome, Failure> {
         return Err(Failure::usage(format!("--index {}: expected a refractive index of 1 or more", a.index)));
     }
     output::check_free(&a.output, a.force)?;
+    output::check_apart(&a.output, &[&a.geometries])?;
     let geometries = geometry_csv::open(&a.geometries).map_err(Failure::usage)?;
     let mut text = String::from(
         "theta_i_deg,theta_o_deg,phi_deg,theta_inc_deg,theta_flake_deg,theta_ill_deg,theta_det_deg,phi_det_deg,limited\n",
@@ -51,7 +52,7 @@ pub fn run(a: &IsolineArguments, printer: Printer) -> Result<Outcome, Failure> {
             geometries.len(),
             a.output.display()
         ),
-        &json!({ "geometries": geometries.len(), "limited": limited, "output": a.output }),
+        &json!({ "geometries": geometries.len(), "limited": limited, "output": output::shown(&a.output) }),
     );
     Ok(Outcome::Done)
 }

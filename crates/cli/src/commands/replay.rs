@@ -1,12 +1,14 @@
 //! `gonio replay`: the table of a recorded session, computed again.
 
+use std::path::Path;
+
 use gonio_recording::Session;
 use gonio_render::report::Fact;
 use serde_json::json;
 
 use crate::arguments::ReplayArguments;
 use crate::outcome::{Failure, Outcome};
-use crate::output::{Printer, check_free};
+use crate::output::{Printer, check_apart, check_free, shown};
 use crate::results::{self, Files, Story};
 use crate::{fitting, progress, reduction};
 
@@ -23,6 +25,9 @@ pub fn run(a: &ReplayArguments, printer: Printer) -> Result<Outcome, Failure> {
     let session = Session::open(&a.session).map_err(Failure::usage)?;
     let instrument = session.instrument().map_err(Failure::usage)?;
     let sample = session.sample().map_err(Failure::usage)?;
+    let inputs: Vec<&Path> =
+        session.files().chain(a.reference.iter().map(std::path::PathBuf::as_path)).collect();
+    check_apart(&a.output, &inputs)?;
     let references = reduction::references_of(&a.session, &session, &a.reference);
     // a reference is judged by the day of the scan, so that an old session stays replayable
     let day = reduction::day_of(&session);
@@ -56,8 +61,8 @@ pub fn run(a: &ReplayArguments, printer: Printer) -> Result<Outcome, Failure> {
     printer.result(
         &text,
         &json!({
-            "session": a.session, "output": a.output, "poses": reduced.reducer.statistics(), "lost": reduced.lost,
-            "reference": calibrated.session, "fit": fitted,
+            "session": shown(&a.session), "output": shown(&a.output), "poses": reduced.reducer.statistics(), "lost": reduced.lost,
+            "reference": shown(&calibrated.session), "fit": fitted,
         }),
     );
     if reduced.lost.is_empty() { Ok(Outcome::Done) } else { Ok(Outcome::WithLoss(reduced.lost.join("; "))) }

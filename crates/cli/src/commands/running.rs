@@ -45,15 +45,15 @@ fn ask(what: Ask) -> Result<Vec<ScanState>, Failure> {
 
 fn line(s: &ScanState) -> String {
     format!(
-        "{} ({}, process {}): {}, pose {} of {}, about {:.0} s to go{}{}\n",
+        "{} ({}, process {}): {}, {} of {} poses done{}{}{}\n",
         s.session,
         s.kind,
         s.pid,
         s.step,
         s.poses_done,
         s.poses_total,
-        s.remaining_s,
-        if s.paused { ", paused" } else { "" },
+        if s.remaining_s > 0.0 { format!(", about {:.0} s to go", s.remaining_s) } else { String::new() },
+        if s.paused && s.step != "paused" { ", to be paused" } else { "" },
         if s.fit.is_empty() { String::new() } else { format!("; {}", s.fit) },
     )
 }

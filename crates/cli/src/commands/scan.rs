@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::sync_channel;
 
-use gonio_acquisition::{PixelMap, reference_plan};
+use gonio_acquisition::{PixelMap, Reducer, reference_plan};
 use gonio_brdf::Measured;
 use gonio_fitter::Fit;
 use gonio_instrument::{Cancel, Certificate, Description, Plan, PoseRecord, SampleRecord, ScanKind};
@@ -15,12 +15,12 @@ use serde_json::json;
 use crate::arguments::ScanArguments;
 use crate::control::{Control, ScanState};
 use crate::outcome::{Failure, Outcome};
-use crate::output::{Printer, beside, check_free, read_text};
+use crate::output::{Printer, beside, check_free, read_text, shown};
 use crate::reduction::{self, Calibrated};
 use crate::results::{self, Files, Story};
 use crate::rig::{self, Rig, Simulated};
 use crate::scanning::{self, Job, Recorded};
-use crate::{fitting, signals};
+use crate::{continuing, fitting, signals};
 
 /// Poses that may wait for the reduction; at eight frames of 2.6 MB some 60 MB.
 const WAITING_POSES: usize = 3;
@@ -52,7 +52,7 @@ pub fn run(a: &ScanArguments, printer: Printer) -> Result<Outcome, Failure> {
     printer.result(
         &text,
         &json!({
-            "session": a.output, "kind": ScanKind::from(a.kind).name(), "poses_done": r.poses_done,
+            "session": shown(&a.output), "kind": ScanKind::from(a.kind).name(), "poses_done": r.poses_done,
             "poses_total": r.poses_total, "frames": r.frames, "link": r.link,
             "complete": matches!(verdict, Ok(Outcome::Done)),
             "fit": scanned.fit.as_ref().map(Fit::to_json),
@@ -70,7 +70,15 @@ pub fn scan(a: &ScanArguments, cancel: &Cancel) -> Result<Scanned, Failure> {
     let kind = ScanKind::from(a.kind);
     let instrument = rig::instrument(&a.instrument)?;
     let plan = rig::plan(a.plan.as_deref(), &instrument)?;
-    let simulated = if a.device == "sim" { Some(Simulated::read(&a.simulated)?) } else { None };
+    let mut simulated = if a.device == "sim" { Some(Simulated::read(&a.simulated)?) } else { None };
+    let mut sample = SampleRecord {
+        kind,
+        id: a.sample.clone(),
+        name: a.name.clone(),
+        batch: a.batch.clone(),
+        operator: a.operator.clone(),
+        note: a.note.clone(),
+    };
     let files = Files::beside(&a.output);
     if a.resume {
         if !a.output.exists() {
@@ -79,7 +87,10 @@ pub fn scan(a: &ScanArguments, cancel: &Cancel) -> Result<Scanned, Failure> {
                 a.output.display()
             )));
         }
+        let begun = Session::open(&a.output).map_err(Failure::usage)?;
+        continuing::check(&begun, a, simulated.as_mut(), &mut sample)?;
     } else {
+        continuing::check_name(&a.output)?;
         check_free(&a.output, a.force)?;
         if a.fit.is_some() {
             files.check_free(a.force)?;
@@ -101,24 +112,23 @@ pub fn scan(a: &ScanArguments, cancel: &Cancel) -> Result<Scanned, Failure> {
         (Some(s), true, Some(_)) => vec![virtual_white(a, s, &instrument, &map, cancel)?],
         _ => a.reference.clone(),
     };
-    let calibrated = if a.fit.is_some() {
-        let day = reduction::day(gonio_recording::now());
-        Some(reduction::calibrate(&references, &instrument, &day, a.accept_stale)?)
-    } else {
-        None
+    let day = reduction::day(gonio_recording::now());
+    let calibrated = match a.fit {
+        Some(_) => Some(reduction::calibrate(&references, &instrument, &day, a.accept_stale)?),
+        None => None,
     };
-    let sample = SampleRecord {
-        kind,
-        id: a.sample.clone(),
-        name: a.name.clone(),
-        batch: a.batch.clone(),
-        operator: a.operator.clone(),
-        note: a.note.clone(),
+    let reference = match &calibrated {
+        Some(c) => Some(c.session.clone()),
+        // a wrong one is told now, not when the scan is over
+        None if kind == ScanKind::Sample && !references.is_empty() => Some(
+            reduction::find_white(&references, &instrument, &day, a.accept_stale)?.session.path().to_owned(),
+        ),
+        None => None,
     };
     let certificate = certificate(a, kind, simulated.is_some())?;
     let mut provenance = provenance(a, simulated.as_ref());
-    if let Some(c) = &calibrated {
-        provenance.insert("reference".to_owned(), relative(&c.session, &a.output));
+    if let Some(reference) = &reference {
+        provenance.insert("reference".to_owned(), relative(reference, &a.output));
     }
     let attachments = simulated
         .as_ref()
@@ -137,6 +147,22 @@ pub fn scan(a: &ScanArguments, cancel: &Cancel) -> Result<Scanned, Failure> {
         resume: a.resume,
         force: a.force,
     };
+    if a.resume
+        && let Some(recorded) = continuing::nothing_left(&job)?
+    {
+        return match (&calibrated, &a.fit) {
+            (Some(calibrated), Some(model)) => conclude(
+                &job,
+                recorded,
+                reduction::reducer(calibrated, &job.sample)?,
+                &[],
+                calibrated,
+                model,
+                &files,
+            ),
+            _ => Ok(Scanned { recorded, fit: None, files: None }),
+        };
+    }
     let mut rig = Rig::open(&a.device, &a.camera, &instrument, &plan, kind, simulated.as_ref())?;
     let state = ScanState {
         session: a.output.display().to_string(),
@@ -201,6 +227,19 @@ fn with_fit(
     if reducer.statistics().is_empty() {
         return Ok(Scanned { recorded, fit: None, files: None });
     }
+    conclude(job, recorded, reducer, &lost, calibrated, model, files)
+}
+
+/// The last table, fit, report and pictures.
+fn conclude(
+    job: &Job<'_>,
+    recorded: Recorded,
+    mut reducer: Reducer,
+    lost: &[String],
+    calibrated: &Calibrated,
+    model: &str,
+    files: &Files,
+) -> Result<Scanned, Failure> {
     // poses of a continued scan came in another order than a replay takes them
     let table: Measured = if job.resume {
         let session = Session::open(job.output).map_err(|e| Failure::Failed(e.to_string()))?;
@@ -229,7 +268,7 @@ fn with_fit(
                 format!("{} {}, {} frames", recorded.camera.name, recorded.camera.serial, recorded.frames),
             ),
         ],
-        lost: &lost,
+        lost,
     };
     results::write_all(files, &table, &fit, &story)?;
     Ok(Scanned { recorded, fit: Some(fit), files: Some(files.clone()) })
@@ -295,9 +334,9 @@ fn certificate(a: &ScanArguments, kind: ScanKind, simulated: bool) -> Result<Opt
             .map(Some)
             .map_err(|e| Failure::usage(format!("certificate {}: {e}", path.display()))),
         (None, ScanKind::White, true) => Ok(Some(Certificate::virtual_white())),
-        (None, ScanKind::White, false) => {
-            Err(Failure::usage("a white reference needs its certificate: --certificate FILE (JSON)"))
-        }
+        (None, ScanKind::White, false) => Err(Failure::usage(
+            "a white reference needs its certificate: --certificate FILE, JSON with the keys of `gonio scan --help`",
+        )),
         _ => Ok(None),
     }
 }
@@ -315,12 +354,16 @@ fn provenance(a: &ScanArguments, simulated: Option<&Simulated>) -> BTreeMap<Stri
     p
 }
 
-/// A reference as the session names it: by its file name where both stand in one folder.
+/// A reference as the session names it: by its file name where both stand in one folder, else by its whole path.
 fn relative(reference: &Path, session: &Path) -> String {
-    let name = if reference.parent() == session.parent() {
+    let folder = |p: &Path| {
+        let parent = p.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        parent.canonicalize().unwrap_or_else(|_| parent.to_owned())
+    };
+    let name = if folder(reference) == folder(session) {
         reference.file_name().map(PathBuf::from).unwrap_or_default()
     } else {
-        reference.to_owned()
+        std::path::absolute(reference).unwrap_or_else(|_| reference.to_owned())
     };
-    name.to_string_lossy().into_owned()
+    shown(&name)
 }

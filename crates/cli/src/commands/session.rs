@@ -24,9 +24,23 @@ pub fn verify(session: &Path, printer: Printer) -> Result<Outcome, Failure> {
 /// [`Failure::Usage`] where the output stands in the way, [`Failure::Failed`] where nothing can be read or written.
 pub fn recover(session: &Path, output: &Path, force: bool, printer: Printer) -> Result<Outcome, Failure> {
     output::check_free(output, force)?;
-    let report = gonio_recording::recover(session, output, force).map_err(|e| unreadable(&e))?;
+    output::check_apart(output, &[session])?;
+    let new = !output.exists();
+    let report = gonio_recording::recover(session, output, force).map_err(|e| {
+        if new {
+            // half a copy helps nobody: the damaged session is still there
+            let _ = std::fs::remove_file(output);
+        }
+        match e {
+            RecordingError::DiskFull { .. } => Failure::Failed(format!(
+                "the disk is full: {} cannot be written; make room or write elsewhere",
+                output.display()
+            )),
+            e => unreadable(&e),
+        }
+    })?;
     let text = format!("{}written to {}", words(&report), output.display());
-    printer.result(&text, &json!({ "source": value(&report)?, "output": output }));
+    printer.result(&text, &json!({ "source": value(&report)?, "output": output::shown(output) }));
     verdict(&report)
 }
 

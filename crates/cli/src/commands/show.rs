@@ -8,7 +8,7 @@ use serde_json::json;
 use crate::arguments::ShowArguments;
 use crate::fitting::{self, Subject};
 use crate::outcome::{Failure, Outcome};
-use crate::output::Printer;
+use crate::output::{Printer, shown};
 use crate::report::{self, Background};
 
 /// Draws into a folder; measurements are fitted for the comparison, models drawn as they are.
@@ -23,8 +23,6 @@ pub fn run(a: &ShowArguments, printer: Printer) -> Result<Outcome, Failure> {
             html.display()
         )));
     }
-    std::fs::create_dir_all(&a.output)
-        .map_err(|e| Failure::usage(format!("folder {} cannot be made: {e}", a.output.display())))?;
     let loaded = formats::open(Path::new(&a.input)).map_err(Failure::usage)?;
     let title = Path::new(&a.input).file_name().unwrap_or_default().to_string_lossy().into_owned();
     let background = Background { title, ..Background::default() };
@@ -36,10 +34,15 @@ pub fn run(a: &ShowArguments, printer: Printer) -> Result<Outcome, Failure> {
         let fit = gonio_fitter::fit(&subject.observations, &options);
         report::build(subject.table.as_ref(), Some(&fit), background)
     };
-    let pictures = report::save(&report, &html, Some(&a.output))?;
+    std::fs::create_dir_all(&a.output)
+        .map_err(|e| Failure::usage(format!("folder {} cannot be made: {e}", a.output.display())))?;
+    let pictures = report::save(&report, &html, Some(&a.output)).inspect_err(|_| {
+        // an empty folder is not left behind
+        let _ = std::fs::remove_dir(&a.output);
+    })?;
     printer.result(
         &format!("{} and {} pictures", html.display(), pictures.len()),
-        &json!({ "report": html, "pictures": pictures }),
+        &json!({ "report": shown(&html), "pictures": pictures.iter().map(|p| shown(p)).collect::<Vec<_>>() }),
     );
     Ok(Outcome::Done)
 }

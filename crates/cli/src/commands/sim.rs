@@ -7,7 +7,7 @@ use serde_json::json;
 
 use crate::arguments::SimArguments;
 use crate::outcome::{Failure, Outcome};
-use crate::output::Printer;
+use crate::output::{Printer, shown};
 use crate::rig::{self, Simulated};
 use crate::signals;
 
@@ -29,7 +29,7 @@ pub fn run(a: &SimArguments, printer: Printer) -> Result<Outcome, Failure> {
             pty.path.display(),
             server.path().display()
         ),
-        &json!({ "stage": pty.path, "camera": server.path() }),
+        &json!({ "stage": shown(&pty.path), "camera": shown(server.path()) }),
     );
     while !cancel.is_raised() {
         std::thread::sleep(Duration::from_millis(50));

@@ -27,6 +27,18 @@ pub enum PtyError {
     /// The system gives none.
     #[error("the system gives no pseudo-terminal ({0}); is /dev/pts mounted, and are any left?")]
     Open(Errno),
+    /// The name leads to another terminal that is there.
+    #[error(
+        "{} leads to {}, which another program serves; end that one, or choose another name for the pseudo-terminal",
+        link.display(),
+        to.display()
+    )]
+    InUse {
+        /// The link.
+        link: PathBuf,
+        /// Where it leads.
+        to: PathBuf,
+    },
     /// The name for it is taken by something that is not a link.
     #[error("{0} exists and is not a link; choose another name for the pseudo-terminal")]
     NotALink(PathBuf),
@@ -49,6 +61,7 @@ pub struct Pty {
     /// Where the host opens it: the link if one was asked for, else the terminal itself.
     pub path: PathBuf,
     link: Option<PathBuf>,
+    target: PathBuf,
     served: Served,
 }
 
@@ -57,8 +70,8 @@ impl Pty {
     pub fn stop(&mut self) {
         self.served.stop();
         if let Some(link) = self.link.take() {
-            // Only a link is removed, never what it might have been replaced by.
-            if link.is_symlink() {
+            // Only this link is removed, never what it might have been replaced by.
+            if std::fs::read_link(&link).is_ok_and(|to| to == self.target) {
                 let _ = std::fs::remove_file(link);
             }
         }
@@ -72,7 +85,7 @@ impl Drop for Pty {
 }
 
 /// Runs the firmware on a thread behind a new pseudo-terminal; `link`, if given, becomes a symbolic link to it (an old link of
-/// that name is replaced).
+/// that name that leads nowhere is replaced).
 ///
 /// # Errors
 /// [`PtyError`].
@@ -101,8 +114,9 @@ pub fn serve_pty(firmware: Firmware, link: Option<&Path>) -> Result<Pty, PtyErro
         .spawn(move || run(firmware, &master, &slave, &seen))
         .map_err(PtyError::Thread)?;
     Ok(Pty {
-        path: link.map_or(target, Path::to_path_buf),
+        path: link.map_or_else(|| target.clone(), Path::to_path_buf),
         link: link.map(Path::to_path_buf),
+        target,
         served: Served::new(stop, thread),
     })
 }
@@ -110,7 +124,16 @@ pub fn serve_pty(firmware: Firmware, link: Option<&Path>) -> Result<Pty, PtyErro
 fn make_link(target: &Path, link: &Path) -> Result<(), PtyError> {
     let error = |source| PtyError::Link { path: link.to_path_buf(), source };
     match std::fs::symlink_metadata(link) {
-        Ok(found) if found.file_type().is_symlink() => std::fs::remove_file(link).map_err(error)?,
+        Ok(found) if found.file_type().is_symlink() => {
+            // a terminal that is still there is served by somebody, unless it is the one just opened under an old number
+            if let Ok(to) = std::fs::read_link(link)
+                && to != target
+                && to.exists()
+            {
+                return Err(PtyError::InUse { link: link.to_path_buf(), to });
+            }
+            std::fs::remove_file(link).map_err(error)?;
+        }
         Ok(_) => return Err(PtyError::NotALink(link.to_path_buf())),
         Err(_) => {}
     }

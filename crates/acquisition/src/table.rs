@@ -1,9 +1,7 @@
 //! From rows to the measured table: total σ out of its parts.
 //!
 //! `σ² = shot + read + dark + reference pixels + flakes + (u_cert f)² + (u_lamp f)² + (u_angle |∇f|)²`. The angle's u is
-//! the calibration's, the pose's distance from its row, the visible part's distance from the bin's centroid and the lamp
-//! disc's own: what is measured is weighted with cos θ' over the disc, the cell's mean is not; the difference is
-//! `α²/4 · tan θi · ∂f/∂θi` (the variance of a uniform disc along one axis is α²/4).
+//! the calibration's, the pose's distance from its row and the visible part's distance from the bin's centroid.
 
 use gonio_brdf::{Flag, Grid, Meaning, Measured};
 use gonio_optics::Angle;
@@ -44,10 +42,7 @@ pub fn assemble(grid: &Grid, rows: &[Row], common: &Common, limit_deg: f64) -> (
         let cells: Vec<Option<RowCell>> = (0..no * np)
             .map(|k| if grid.theta_o_deg[k / np] > limit_deg + 1e-9 { None } else { row.cell(k) })
             .collect();
-        let lamp_disc = 0.25
-            * common.lamp_half_angle.radians().powi(2)
-            * Angle::from_degrees(grid.theta_i_deg[ti].min(89.0)).tan();
-        let angle2 = common.angle.radians().powi(2) + row.off_row().radians().powi(2) + lamp_disc * lamp_disc;
+        let angle2 = common.angle.radians().powi(2) + row.off_row().radians().powi(2);
         for k in 0..no * np {
             let Some(cell) = cells[k] else { continue };
             let slope2 = slope_squared(grid, &cells, k / np, k % np);

@@ -1,7 +1,15 @@
 //! The mean of a BRDF over a cell and the lamp: what a measured cell holds, so what a model must be averaged to before it is compared.
 //!
-//! A cell is the solid-angle mean over its bin in (θo, φ) and over the lamp's disc about θi, both uniform in solid angle; the row θo = 0 is one
-//! cap shared by all φ. A node table (`Meaning::Node`) is evaluated at its nodes. [`cell_mean`] is the plain product rule; [`adaptive_cell_mean`]
+//! A cell is the solid-angle mean over its bin in (θo, φ) and the mean over the lamp's disc about θi as the surface is lit by it,
+//!
+//! ```text
+//! f_cell = ∫_bin dω ∫_lamp f cos θ' dω' / (∫_bin dω ∫_lamp cos θ' dω')
+//! ```
+//!
+//! the ratio of what is reflected to what arrives, so the radiance measured divided by the irradiance of the surface is this mean and nothing else. Beside
+//! a mean over the lamp with equal weights it is moved by α²/4 · tan θi towards the normal: 0.004° at θi = 75°, 0.012° at 85° for α = 0.5°, one part
+//! in a thousand on the flank of a lobe. Of a lamp that is partly below the horizon (θi = 90°) the part above it counts. The row θo = 0 is one cap
+//! shared by all φ. A node table (`Meaning::Node`) is evaluated at its nodes. [`cell_mean`] is the plain product rule; [`adaptive_cell_mean`]
 //! takes as many nodes as [`Brdf::sharpness`] asks for; [`lobe`] does that once for a whole grid and all exponents.
 
 pub mod lobe;
@@ -44,7 +52,7 @@ pub fn is_cap(grid: &Grid, to: usize) -> bool {
     to == 0 && grid.theta_o_deg.first() == Some(&0.0)
 }
 
-/// Mean of `brdf` over the bin of (to, phi) in solid angle and over the lamp's disc about θi, by a product rule of
+/// Mean of `brdf` over the bin of (to, phi) in solid angle and over the lamp's disc about θi weighted with cos θ', by a product rule of
 /// `n` × `n` Gauss–Legendre nodes in (cos θo, φ) and `rings` rings on the lamp (0: the lamp's centre alone).
 ///
 /// A node table (`Meaning::Node`) is evaluated at its node.
@@ -76,14 +84,16 @@ pub fn cell_mean(
             let (sp, cp) = (p + (q - p) * y).sin_cos();
             let view = Vec3::new(s * cp, s * sp, z);
             for &light in &lights {
+                let w = wx * wy * light.z.max(0.0);
                 let f = brdf.eval(light, view);
                 for c in 0..3 {
-                    sum[c] += wx * wy * f[c];
+                    sum[c] += w * f[c];
                 }
             }
         }
     }
-    sum.map(|s| s / lights.len() as f64)
+    let lit: f64 = lights.iter().map(|l| l.z.max(0.0)).sum();
+    sum.map(|s| s / lit.max(f64::MIN_POSITIVE))
 }
 
 /// Mean of `brdf` as [`cell_mean`], with the quadrature its sharpness needs in this cell: the bin is cut along θo = θi (where the

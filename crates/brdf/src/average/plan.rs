@@ -256,11 +256,29 @@ fn seven_points(cell: &CellBounds, axis: Vec3) -> Vec<(Vec3, f64)> {
     std::iter::once((axis, 0.25)).chain(ring).collect()
 }
 
-/// Directions over the lamp's disc with weights summing to 1: Gauss in the squared radius times equal angles, as fine as a change
-/// k (squared) of the logarithm over the radius needs. Symmetric about the plane of incidence.
+/// Directions over the lamp's disc, weighted with the irradiance cos θ' that each brings, the weights summing to 1.
 fn lamp_rule(cell: &CellBounds, k2: f64) -> Vec<(Vec3, f64)> {
+    let mut rule = disc_rule(cell, k2);
+    for (light, weight) in &mut rule {
+        *weight *= light.z.max(0.0);
+    }
+    let lit: f64 = rule.iter().map(|r| r.1).sum();
+    if lit > 0.0 {
+        rule.retain(|r| r.1 > 0.0);
+        for (_, weight) in &mut rule {
+            *weight /= lit;
+        }
+    }
+    rule
+}
+
+/// Directions over the lamp's disc with weights summing to 1, uniform in solid angle: Gauss in the squared radius times equal angles, as fine as a change
+/// k (squared) of the logarithm over the radius needs. Symmetric about the plane of incidence.
+fn disc_rule(cell: &CellBounds, k2: f64) -> Vec<(Vec3, f64)> {
     let axis = Vec3::from_polar(cell.theta_i, Angle::ZERO);
-    if cell.lamp_half_angle <= Angle::ZERO || k2 < 1e-5 {
+    // light from one side weighs more by α tan θi: at grazing incidence that, too, moves the mean by k α tan θi / 4
+    let uneven = cell.lamp_half_angle.radians() * cell.theta_i.tan();
+    if cell.lamp_half_angle <= Angle::ZERO || (k2 < 1e-5 && k2 * uneven * uneven < 1e-8) {
         return vec![(axis, 1.0)];
     }
     // errors: (k/2)^4m/((2m)!)² · E[P_m²] radially, I_K(k r) around; both below the tolerance

@@ -14,6 +14,7 @@ mod lambert;
 mod lambert_ashikhmin_shirley;
 #[cfg(test)]
 mod laws;
+mod over_lambert;
 mod phong;
 
 pub use ashikhmin_shirley::AshikhminShirley;

@@ -1,7 +1,7 @@
 //! Ashikhmin–Shirley in Sopp's simplified form (4.28):
 //! `f = cd/π + cs (n + 1)/(8π) (n·h)^n / ((h·v) max(n·l, n·v))`.
 
-use std::f64::consts::{FRAC_1_PI, PI};
+use std::f64::consts::PI;
 
 use gonio_optics::Vec3;
 use serde::{Deserialize, Serialize};
@@ -10,6 +10,7 @@ use super::{
     ModelError,
     check::Check,
     half::{Half, larger_cos},
+    over_lambert::over_lambert,
 };
 use crate::{Brdf, Rgb};
 
@@ -47,11 +48,8 @@ impl AshikhminShirleySimplified {
 
 impl Brdf for AshikhminShirleySimplified {
     fn eval(&self, light: Vec3, view: Vec3) -> Rgb {
-        if light.z < 0.0 || view.z < 0.0 {
-            return [0.0; 3];
-        }
         let lobe = Self::lobe(self.exponent, light, view);
-        [0, 1, 2].map(|c| self.diffuse[c] * FRAC_1_PI + self.specular[c] * lobe)
+        over_lambert(light, view, self.diffuse, [(self.specular, lobe)])
     }
 
     fn sharpness(&self) -> f64 {

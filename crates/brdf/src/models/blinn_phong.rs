@@ -1,11 +1,11 @@
 //! Normalised Blinn–Phong (Sopp 3.3): `f = cd/π + cs (n + 8)/(8π) (n·h)^n`.
 
-use std::f64::consts::{FRAC_1_PI, PI};
+use std::f64::consts::PI;
 
 use gonio_optics::Vec3;
 use serde::{Deserialize, Serialize};
 
-use super::{ModelError, check::Check, half::Half};
+use super::{ModelError, check::Check, half::Half, over_lambert::over_lambert};
 use crate::{Brdf, Rgb};
 
 /// Lambert plus a cosine lobe of the half vector. Reciprocal. The factor (n + 8)/(8π) is an approximation that
@@ -38,11 +38,8 @@ impl BlinnPhong {
 
 impl Brdf for BlinnPhong {
     fn eval(&self, light: Vec3, view: Vec3) -> Rgb {
-        if light.z < 0.0 || view.z < 0.0 {
-            return [0.0; 3];
-        }
         let lobe = Self::lobe(self.exponent, light, view);
-        [0, 1, 2].map(|c| self.diffuse[c] * FRAC_1_PI + self.specular[c] * lobe)
+        over_lambert(light, view, self.diffuse, [(self.specular, lobe)])
     }
 
     fn sharpness(&self) -> f64 {

@@ -10,12 +10,12 @@
 //! Golla's eq. 1 and the tables of Ngan and Günther use the 1982 form without the 4: the same numbers give four times this value, so
 //! their s becomes 4 s here (with the 1/π of their form kept inside D).
 
-use std::f64::consts::{FRAC_1_PI, PI};
+use std::f64::consts::PI;
 
 use gonio_optics::{COS_FLOOR, Vec3, fresnel::schlick};
 use serde::{Deserialize, Serialize};
 
-use super::{ModelError, check::Check, half::Half};
+use super::{ModelError, check::Check, half::Half, over_lambert::over_lambert};
 use crate::{Brdf, Rgb};
 
 /// One lobe.
@@ -74,17 +74,8 @@ impl CookTorrance {
 
 impl Brdf for CookTorrance {
     fn eval(&self, light: Vec3, view: Vec3) -> Rgb {
-        if light.z < 0.0 || view.z < 0.0 {
-            return [0.0; 3];
-        }
-        let mut f = self.diffuse.map(|d| d * FRAC_1_PI);
-        for lobe in &self.lobes {
-            let value = lobe.value(light, view);
-            for (out, s) in f.iter_mut().zip(lobe.specular) {
-                *out += s * value;
-            }
-        }
-        f
+        let lobes = self.lobes.iter().map(|l| (l.specular, l.value(light, view)));
+        over_lambert(light, view, self.diffuse, lobes)
     }
 
     // exp(−tan²/α²) and (n·h)^n have the same curvature at the peak for n = 2/α²

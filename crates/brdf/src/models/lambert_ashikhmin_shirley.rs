@@ -1,12 +1,12 @@
 //! Lambert with an Ashikhmin–Shirley lobe: `f = cd/π + cs S(n) F`, with Schlick's `F = r0 + (1 − r0)(1 − h·v)^5` where r0 is given and
 //! F = 1 where it is not (then it is the simplified form, Sopp 4.28). S(n) as in [`AshikhminShirleySimplified`].
 
-use std::f64::consts::FRAC_1_PI;
-
 use gonio_optics::Vec3;
 use serde::{Deserialize, Serialize};
 
-use super::{AshikhminShirley, AshikhminShirleySimplified, ModelError, check::Check};
+use super::{
+    AshikhminShirley, AshikhminShirleySimplified, ModelError, check::Check, over_lambert::over_lambert,
+};
 use crate::{Brdf, Rgb};
 
 /// Plain diffuse term (not scaled by 1 − r0), lobe with an optional Fresnel factor. Reciprocal; conserves energy for
@@ -37,14 +37,11 @@ impl LambertAshikhminShirley {
 
 impl Brdf for LambertAshikhminShirley {
     fn eval(&self, light: Vec3, view: Vec3) -> Rgb {
-        if light.z < 0.0 || view.z < 0.0 {
-            return [0.0; 3];
-        }
         let lobe = match self.r0 {
             Some(r0) => AshikhminShirley::lobe(self.exponent, r0, light, view),
             None => AshikhminShirleySimplified::lobe(self.exponent, light, view),
         };
-        [0, 1, 2].map(|c| self.diffuse[c] * FRAC_1_PI + self.specular[c] * lobe)
+        over_lambert(light, view, self.diffuse, [(self.specular, lobe)])
     }
 
     fn sharpness(&self) -> f64 {

@@ -1,11 +1,11 @@
 //! Normalised Phong (Sopp 3.2): `f = cd/π + cs (n + 2)/(2π) (r·v)^n`, r the mirror direction of the light.
 
-use std::f64::consts::{FRAC_1_PI, TAU};
+use std::f64::consts::TAU;
 
 use gonio_optics::Vec3;
 use serde::{Deserialize, Serialize};
 
-use super::{ModelError, check::Check, half::cosine_power};
+use super::{ModelError, check::Check, half::cosine_power, over_lambert::over_lambert};
 use crate::{Brdf, Rgb};
 
 /// Lambert plus a cosine lobe about the mirror direction. Reciprocal; conserves energy for `diffuse + specular` ≤ 1.
@@ -41,11 +41,8 @@ impl Phong {
 
 impl Brdf for Phong {
     fn eval(&self, light: Vec3, view: Vec3) -> Rgb {
-        if light.z < 0.0 || view.z < 0.0 {
-            return [0.0; 3];
-        }
         let lobe = Self::lobe(self.exponent, light, view);
-        [0, 1, 2].map(|c| self.diffuse[c] * FRAC_1_PI + self.specular[c] * lobe)
+        over_lambert(light, view, self.diffuse, [(self.specular, lobe)])
     }
 
     // the angle to the mirror direction is twice that of the half vector

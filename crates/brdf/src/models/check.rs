@@ -41,6 +41,21 @@ impl Check {
         if ok { Ok(()) } else { Err(self.error(key, value, "0…1 (reflectance at normal incidence)")) }
     }
 
+    /// Weight of a part of Lafortune's dot product, from `low` to 1.
+    pub(crate) fn stretch(&self, key: &'static str, value: f64, low: f64) -> Result<(), ModelError> {
+        if (low..=1.0).contains(&value) {
+            return Ok(());
+        }
+        let expected = if low < 0.0 { "-1…1 (-1 mirrors)" } else { "0…1" };
+        Err(self.error(key, value, expected))
+    }
+
+    /// Standard deviation of slope angles in degrees.
+    pub(crate) fn slope_deg(&self, key: &'static str, value: f64) -> Result<(), ModelError> {
+        let ok = (0.0..=90.0).contains(&value);
+        if ok { Ok(()) } else { Err(self.error(key, value, "0…90 degrees (0 is Lambert)")) }
+    }
+
     /// Refractive index of a coat.
     pub(crate) fn index(&self, key: &'static str, value: f64) -> Result<(), ModelError> {
         if value.is_finite() && value > 1.0 {

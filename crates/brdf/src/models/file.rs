@@ -4,8 +4,8 @@ use gonio_optics::{Angle, Vec3};
 use serde::{Deserialize, Serialize};
 
 use super::{
-    AshikhminShirley, AshikhminShirleySimplified, BlinnPhong, Coat, CookTorrance, Lambert,
-    LambertAshikhminShirley, Phong,
+    AshikhminShirley, AshikhminShirleySimplified, BlinnPhong, Coat, CookTorrance, Ggx, Lafortune, Lambert,
+    LambertAshikhminShirley, OrenNayar, Phong, Ward, WardDuer,
 };
 use crate::{Brdf, Rgb};
 
@@ -27,6 +27,16 @@ pub enum Model {
     AshikhminShirley(AshikhminShirley),
     /// `cook-torrance`.
     CookTorrance(CookTorrance),
+    /// `oren-nayar`.
+    OrenNayar(OrenNayar),
+    /// `lafortune`.
+    Lafortune(Lafortune),
+    /// `ward`.
+    Ward(Ward),
+    /// `ward-duer`.
+    WardDuer(WardDuer),
+    /// `ggx`.
+    Ggx(Ggx),
 }
 
 /// A `model.json`.
@@ -79,7 +89,7 @@ pub enum ModelError {
 
 impl Model {
     /// Names of all models, as files and the command line spell them.
-    pub const NAMES: [&'static str; 7] = [
+    pub const NAMES: [&'static str; 12] = [
         "lambert",
         "phong",
         "blinn-phong",
@@ -87,6 +97,11 @@ impl Model {
         "lambert-ashikhmin-shirley",
         "ashikhmin-shirley",
         "cook-torrance",
+        "oren-nayar",
+        "lafortune",
+        "ward",
+        "ward-duer",
+        "ggx",
     ];
 
     /// Name in files.
@@ -100,6 +115,11 @@ impl Model {
             Self::LambertAshikhminShirley(_) => "lambert-ashikhmin-shirley",
             Self::AshikhminShirley(_) => "ashikhmin-shirley",
             Self::CookTorrance(_) => "cook-torrance",
+            Self::OrenNayar(_) => "oren-nayar",
+            Self::Lafortune(_) => "lafortune",
+            Self::Ward(_) => "ward",
+            Self::WardDuer(_) => "ward-duer",
+            Self::Ggx(_) => "ggx",
         }
     }
 
@@ -114,6 +134,11 @@ impl Model {
             Self::LambertAshikhminShirley(m) => m,
             Self::AshikhminShirley(m) => m,
             Self::CookTorrance(m) => m,
+            Self::OrenNayar(m) => m,
+            Self::Lafortune(m) => m,
+            Self::Ward(m) => m,
+            Self::WardDuer(m) => m,
+            Self::Ggx(m) => m,
         }
     }
 
@@ -130,6 +155,11 @@ impl Model {
             Self::LambertAshikhminShirley(m) => m.check(),
             Self::AshikhminShirley(m) => m.check(),
             Self::CookTorrance(m) => m.check(),
+            Self::OrenNayar(m) => m.check(),
+            Self::Lafortune(m) => m.check(),
+            Self::Ward(m) => m.check(),
+            Self::WardDuer(m) => m.check(),
+            Self::Ggx(m) => m.check(),
         }
     }
 }
@@ -211,7 +241,7 @@ impl Brdf for ModelFile {
 mod tests {
     use super::*;
 
-    const GOLDEN: [&str; 9] = [
+    const GOLDEN: [&str; 14] = [
         r#"{"model":"lambert","diffuse":[0.1,0.2,0.3]}"#,
         r#"{"model":"phong","diffuse":[0.1,0.2,0.3],"specular":[0.4,0.4,0.4],"exponent":20.0}"#,
         r#"{"model":"blinn-phong","diffuse":[0.1,0.2,0.3],"specular":[0.4,0.4,0.4],"exponent":80.0}"#,
@@ -220,6 +250,11 @@ mod tests {
         r#"{"model":"lambert-ashikhmin-shirley","diffuse":[0.1,0.2,0.3],"specular":[0.9,0.9,0.9],"exponent":120.0,"r0":0.04}"#,
         r#"{"model":"ashikhmin-shirley","diffuse":[0.1,0.2,0.3],"specular":[0.9,0.9,0.9],"exponent":120.0,"r0":0.04}"#,
         r#"{"model":"cook-torrance","diffuse":[0.1,0.2,0.3],"lobes":[{"specular":[0.2,0.2,0.2],"alpha":0.3,"r0":0.1},{"specular":[0.1,0.0,0.0],"alpha":0.05,"r0":1.0}]}"#,
+        r#"{"model":"oren-nayar","diffuse":[0.1,0.2,0.3],"sigma_deg":30.0}"#,
+        r#"{"model":"lafortune","diffuse":[0.1,0.2,0.3],"lobes":[{"specular":[0.4,0.4,0.4],"cxy":-1.0,"cz":0.8,"exponent":20.0}]}"#,
+        r#"{"model":"ward","diffuse":[0.1,0.2,0.3],"specular":[0.4,0.4,0.4],"alpha":0.1}"#,
+        r#"{"model":"ward-duer","diffuse":[0.1,0.2,0.3],"specular":[0.4,0.4,0.4],"alpha":0.1}"#,
+        r#"{"model":"ggx","diffuse":[0.1,0.2,0.3],"lobes":[{"specular":[0.2,0.2,0.2],"alpha":0.3,"r0":0.1},{"specular":[0.1,0.0,0.0],"alpha":0.05,"r0":1.0}]}"#,
         r#"{"model":"lambert","diffuse":[0.1,0.2,0.3],"coat":{"index":1.5},"fit":{"error":0.01,"status":"converged"}}"#,
     ];
 
@@ -234,9 +269,9 @@ mod tests {
 
     #[test]
     fn the_list_of_names_is_complete() {
-        for text in GOLDEN {
-            assert!(Model::NAMES.contains(&ModelFile::from_json(text).unwrap().model.name()));
-        }
+        let written = GOLDEN.map(|text| ModelFile::from_json(text).unwrap().model.name());
+        assert!(written.iter().all(|name| Model::NAMES.contains(name)));
+        assert!(Model::NAMES.iter().all(|name| written.contains(name)));
     }
 
     fn message(text: &str) -> String {
@@ -266,6 +301,21 @@ mod tests {
             (
                 r#"{"model":"cook-torrance","diffuse":[0,0,0],"lobes":[{"specular":[0,0,0],"alpha":0,"r0":0}]}"#,
                 "lobes.alpha = 0",
+            ),
+            (r#"{"model":"oren-nayar","diffuse":[0,0,0],"sigma_deg":91}"#, "sigma_deg = 91"),
+            (
+                r#"{"model":"lafortune","diffuse":[0,0,0],"lobes":[{"specular":[0,0,0],"cxy":-1.1,"cz":1,"exponent":2}]}"#,
+                "lobes.cxy = -1.1",
+            ),
+            (
+                r#"{"model":"lafortune","diffuse":[0,0,0],"lobes":[{"specular":[0,0,0],"cxy":-1,"cz":-0.1,"exponent":2}]}"#,
+                "lobes.cz = -0.1",
+            ),
+            (r#"{"model":"ward","diffuse":[0,0,0],"specular":[0,0,0],"alpha":11}"#, "alpha = 11"),
+            (r#"{"model":"ward-duer","diffuse":[0,0,0],"specular":[0,0,0],"alpha":0}"#, "alpha = 0"),
+            (
+                r#"{"model":"ggx","diffuse":[0,0,0],"lobes":[{"specular":[0,0,0],"alpha":0.1,"r0":-0.1}]}"#,
+                "lobes.r0 = -0.1",
             ),
             (r#"{"model":"lambert","diffuse":[0,0,0],"coat":{"index":1.0}}"#, "coat.index = 1"),
         ] {

@@ -16,6 +16,15 @@ const EXTREMES: &[&str] = &[
     r#"{"model":"lambert-ashikhmin-shirley","diffuse":[0.2,0.2,0.2],"specular":[0.3,0.3,0.3],"exponent":1000000,"r0":0.04}"#,
     r#"{"model":"ashikhmin-shirley","diffuse":[0.2,0.2,0.2],"specular":[0.3,0.3,0.3],"exponent":1000000,"r0":0.04}"#,
     r#"{"model":"cook-torrance","diffuse":[0.2,0.2,0.2],"lobes":[{"specular":[0.3,0.3,0.3],"alpha":0.001,"r0":0.04}]}"#,
+    r#"{"model":"ward","diffuse":[0.2,0.2,0.2],"specular":[0.3,0.3,0.3],"alpha":0.0001}"#,
+    r#"{"model":"ward","diffuse":[0.2,0.2,0.2],"specular":[0.3,0.3,0.3],"alpha":10}"#,
+    r#"{"model":"ward-duer","diffuse":[0.2,0.2,0.2],"specular":[0.3,0.3,0.3],"alpha":0.0001}"#,
+    r#"{"model":"ward-duer","diffuse":[0.2,0.2,0.2],"specular":[0.3,0.3,0.3],"alpha":10}"#,
+    r#"{"model":"ggx","diffuse":[0.2,0.2,0.2],"lobes":[{"specular":[0.3,0.3,0.3],"alpha":0.0001,"r0":0.04}]}"#,
+    r#"{"model":"ggx","diffuse":[0.2,0.2,0.2],"lobes":[{"specular":[0.3,0.3,0.3],"alpha":10,"r0":1}]}"#,
+    r#"{"model":"lafortune","diffuse":[0.2,0.2,0.2],"lobes":[{"specular":[0.3,0.3,0.3],"cxy":-1,"cz":1,"exponent":1000000000},{"specular":[0.3,0.3,0.3],"cxy":1,"cz":0,"exponent":0}]}"#,
+    r#"{"model":"oren-nayar","diffuse":[0.2,0.2,0.2],"sigma_deg":0}"#,
+    r#"{"model":"oren-nayar","diffuse":[0.2,0.2,0.2],"sigma_deg":90}"#,
     r#"{"model":"ashikhmin-shirley-simplified","diffuse":[0.2,0.2,0.2],"specular":[0.3,0.3,0.3],"exponent":1300,"coat":{"index":1.5}}"#,
 ];
 

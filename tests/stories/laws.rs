@@ -17,6 +17,23 @@ fn files() -> Vec<ModelFile> {
         out.push(format!(
             r#"{{"model":"cook-torrance","diffuse":[0.2,0.1,0.05],"lobes":[{{"specular":[0.3,0.3,0.3],"alpha":{alpha},"r0":0.1}}],"coat":{{"index":1.5}}}}"#
         ));
+        let lobe = format!(r#""specular":[0.3,0.3,0.3],"alpha":{alpha}"#);
+        out.push(format!(
+            r#"{{"model":"ggx","diffuse":[0.2,0.1,0.05],"lobes":[{{{lobe},"r0":0.1}}],"coat":{{"index":1.5}}}}"#
+        ));
+        for name in ["ward", "ward-duer"] {
+            out.push(format!(r#"{{"model":"{name}","diffuse":[0.2,0.1,0.05],{lobe}}}"#));
+        }
+    }
+    for (cxy, exponent) in [(-1.0, 0), (-0.9, 21), (0.7, 1300)] {
+        out.push(format!(
+            r#"{{"model":"lafortune","diffuse":[0.2,0.1,0.05],"lobes":[{{"specular":[0.3,0.3,0.3],"cxy":{cxy},"cz":0.95,"exponent":{exponent}}}]}}"#
+        ));
+    }
+    for sigma in [0, 30, 90] {
+        out.push(format!(
+            r#"{{"model":"oren-nayar","diffuse":[0.2,0.1,0.05],"sigma_deg":{sigma},"coat":{{"index":1.5}}}}"#
+        ));
     }
     out.iter().map(|text| ModelFile::from_json(text).unwrap()).collect()
 }

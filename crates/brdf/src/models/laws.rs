@@ -6,7 +6,8 @@ use gonio_optics::{Angle, Geometry, Vec3, quadrature::gauss_legendre};
 use proptest::prelude::*;
 
 use super::*;
-use crate::{Brdf, Rgb};
+use crate::average::{adaptive_cell_mean, cell_mean};
+use crate::{Brdf, Grid, Meaning, Rgb};
 
 /// Every model with the given sharpness, colours 1 and no diffuse part unless asked for.
 fn all(diffuse: f64, specular: f64, exponent: f64, alpha: f64, r0: f64) -> Vec<Model> {
@@ -112,6 +113,104 @@ fn a_white_diffuser_in_a_white_furnace_disappears() {
 }
 
 #[test]
+fn the_energy_bounds_of_the_ward_forms_hold_where_they_are_said_to_and_end_there() {
+    // the largest albedo over all widths
+    let largest = |make: &dyn Fn(f64) -> Model, deg: f64| {
+        let widths = [0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 4.0];
+        widths.iter().map(|&a| albedo(make(a).brdf(), Angle::from_degrees(deg))).fold(0.0, f64::max)
+    };
+    let (diffuse, specular) = ([0.0; 3], [1.0; 3]);
+    let ward = |alpha| Model::Ward(Ward { diffuse, specular, alpha });
+    let duer = |alpha| Model::WardDuer(WardDuer { diffuse, specular, alpha });
+    for deg in [0.0, 30.0, 60.0, 75.0, 80.0] {
+        assert!(largest(&duer, deg) <= 1.0 + 1e-4, "ward-duer at {deg}");
+    }
+    for deg in [0.0, 45.0, 80.0, 88.0, 89.0, 89.5] {
+        assert!(largest(&ward, deg) <= 1.0 + 1e-4, "ward at {deg}");
+    }
+    assert!(largest(&duer, 88.0) > 2.0 && largest(&ward, 89.95) > 1.5);
+    // and what Ward's form loses: a narrow lobe returns cs cos θi, which is what Dür mends
+    for deg in [0.0, 30.0, 60.0] {
+        let theta = Angle::from_degrees(deg);
+        let got = [ward(0.02), duer(0.02)].map(|m| albedo(m.brdf(), theta));
+        assert!((got[0] - theta.cos()).abs() < 2e-3 && (got[1] - 1.0).abs() < 2e-3, "{deg}: {got:?}");
+    }
+}
+
+#[test]
+fn a_rough_diffuser_gives_back_at_most_what_its_bound_says() {
+    let largest = [0, 5, 9, 11, 13, 20, 45, 90].map(|sigma| {
+        let m = OrenNayar { diffuse: [1.0; 3], sigma_deg: f64::from(sigma) };
+        [0.0, 30.0, 60.0, 80.0, 89.0, 89.999].map(|deg| albedo(&m, Angle::from_degrees(deg)))
+    });
+    let largest = largest.into_iter().flatten().fold(0.0, f64::max);
+    assert!((1.012..=1.016).contains(&largest), "{largest}");
+    let smooth = OrenNayar { diffuse: [1.0; 3], sigma_deg: 0.0 };
+    for deg in [0.0, 37.0, 80.0] {
+        assert!((albedo(&smooth, Angle::from_degrees(deg)) - 1.0).abs() < 1e-12);
+    }
+    // brighter towards the light than away from it
+    let rough = OrenNayar { diffuse: [1.0; 3], sigma_deg: 30.0 };
+    let at = |phi| {
+        let (l, v) = Geometry::from_degrees(60.0, 60.0, phi).directions();
+        rough.eval(l, v)[0]
+    };
+    assert!(at(0.0) > 1.5 * at(180.0));
+}
+
+#[test]
+fn the_facets_a_ggx_surface_shows_have_the_area_of_its_outline() {
+    // ∫ D ⟨h·v⟩ G1(v) dω_h = n·v: distribution and masking belong together; D is read from the lobe's own value
+    let (alpha, rule) = (0.4, gauss_legendre(64));
+    let lobe = GgxLobe { specular: [1.0; 3], alpha, r0: 1.0 };
+    let density = |h: Vec3| {
+        // retroreflection: l = v = h has h·v = 1, G = 1/(1 + 2Λ) = 1/√(1 + α² tan²)
+        let tan2 = (1.0 - h.z * h.z) / (h.z * h.z);
+        lobe.value(h, h) * 4.0 * h.z * h.z * (1.0 + alpha * alpha * tan2).sqrt()
+    };
+    for deg in [0.0, 40.0, 75.0, 85.0] {
+        let v = Vec3::from_polar(Angle::from_degrees(deg), Angle::ZERO);
+        let tan2 = (1.0 - v.z * v.z) / (v.z * v.z);
+        let masking = 2.0 / (1.0 + (1.0 + alpha * alpha * tan2).sqrt());
+        let mut sum = 0.0;
+        for &(x, wx) in &rule {
+            for k in 0..720 {
+                let phi = (f64::from(k) + 0.5) * TAU / 720.0;
+                let (s, c) = ((1.0 - x * x).sqrt(), x);
+                let h = Vec3::new(s * phi.cos(), s * phi.sin(), c);
+                sum += wx * TAU / 720.0 * density(h) * h.dot(v).max(0.0) * masking;
+            }
+        }
+        assert!((sum / v.z - 1.0).abs() < 1e-3, "{deg}: {}", sum / v.z);
+    }
+}
+
+#[test]
+fn lafortune_with_mirrored_tangents_is_phong_and_leans_as_its_weights_say() {
+    let (diffuse, specular) = ([0.1; 3], [0.4; 3]);
+    for exponent in [0.0, 3.0, 80.0, 1e4] {
+        let phong = Phong { diffuse, specular, exponent };
+        let same = lafortune(diffuse, specular, -1.0, 1.0, exponent);
+        for (ti, to, phi) in [(0.0, 0.0, 0.0), (30.0, 31.0, 179.0), (70.0, 65.0, 180.0), (45.0, 80.0, 20.0)] {
+            let (l, v) = Geometry::from_degrees(ti, to, phi).directions();
+            let (a, b) = (same.eval(l, v)[0], phong.eval(l, v)[0]);
+            assert!((a / b - 1.0).abs() < 1e-10, "n {exponent} at {ti} {to} {phi}: {a} {b}");
+        }
+    }
+    let peak = |cxy: f64, cz: f64| {
+        let m = lafortune([0.0; 3], specular, cxy, cz, 50.0);
+        let at = |to: u32| {
+            let (l, v) = Geometry::from_degrees(45.0, 0.1 * f64::from(to), 180.0).directions();
+            m.eval(l, v)[0]
+        };
+        0.1 * f64::from((0..900).max_by(|&a, &b| at(a).total_cmp(&at(b))).unwrap())
+    };
+    // tan θ_peak = |Cxy|/Cz tan θi
+    assert!((peak(-1.0, 0.8) - 1.25f64.atan().to_degrees()).abs() < 0.06);
+    assert!((peak(-0.8, 1.0) - 0.8f64.atan().to_degrees()).abs() < 0.06);
+}
+
+#[test]
 fn a_coat_in_a_white_furnace_gives_back_no_more_than_it_gets() {
     // single passage: what is reflected at the coat plus what comes out of a white base stays below 1
     let coat = Coat { index: 1.5 };
@@ -141,6 +240,22 @@ fn the_gloss_returns_the_fresnel_reflectance() {
     }
     // black glass under the lamp of the reference instrument, at normal incidence
     assert!((coat.gloss_level(1.0, alpha) - 204.0).abs() < 1.0);
+}
+
+#[test]
+fn the_sharpness_asks_for_the_nodes_that_a_cell_mean_needs() {
+    let grid = Grid::sopp();
+    let lamp = Meaning::CellMean { lamp_half_angle: Angle::from_degrees(0.5) };
+    for (exponent, alpha) in [(0.0, 1.0), (21.0, 0.3), (300.0, 0.08)] {
+        for m in all(0.2, 0.3, exponent, alpha, 0.1) {
+            // at the peak, beside it, and far from it; row and column 6 and 12 hold θo = θi
+            for cell in [[0, 0, 0], [6, 12, 35], [6, 14, 35], [12, 26, 34], [9, 18, 10], [12, 20, 0]] {
+                let got = adaptive_cell_mean(m.brdf(), &grid, lamp, cell)[0];
+                let want = cell_mean(m.brdf(), &grid, lamp, cell, 16, 4)[0];
+                assert!((got / want - 1.0).abs() < 2e-4, "{m:?} {cell:?}: {got} {want}");
+            }
+        }
+    }
 }
 
 #[test]

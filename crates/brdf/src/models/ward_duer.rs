@@ -1,4 +1,4 @@
-//! Ward's Gaussian with Dür's normalisation (Journal of Graphics Tools 11(1), 2006), which Ngan fits as "Ward":
+//! Ward's Gaussian with Dür's normalisation (Journal of Graphics Tools 11(1), 2006):
 //!
 //! ```text
 //! f = cd/π + cs · exp(−tan² θh/α²) / (4π α² (n·l)(n·v))

@@ -9,6 +9,7 @@
 pub mod average;
 pub mod formats;
 pub mod grid;
+pub mod maps;
 pub mod measured;
 pub mod models;
 pub mod scattered;

@@ -1,0 +1,78 @@
+//! A geometry's place in flake space, in f32 and without a trigonometric function.
+//!
+//! With the refracted directions, `s = l + v` and `d = l − v` (|s|² + |d|² = 4):
+//!
+//! ```text
+//! sin θ_inc = |d|/2      sin θ_flake = |s_xy|/|s|      sin θ_inc sin θ_flake cos φ_d = |d_z|/2
+//! ```
+//!
+//! The last because d is perpendicular to s: only its part along the meridian of s rises out of the horizontal.
+
+use gonio_optics::Vec3;
+
+/// Place of a pair of directions.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct FlakePoint {
+    /// sin θ_inc.
+    pub(super) sin_inc: f32,
+    /// √(sin θ_flake).
+    pub(super) root_flake: f32,
+    /// sin² θ_inc sin² θ_flake.
+    pub(super) p2: f32,
+    /// p² cos 2φ_d.
+    pub(super) p2_cos2: f32,
+}
+
+impl FlakePoint {
+    /// Of unit directions above the surface; `inverse_index` is 1/n. Exchanging them changes no bit.
+    #[inline]
+    pub(super) fn new(l: [f32; 3], v: [f32; 3], inverse_index: f32) -> Self {
+        let refract = |d: [f32; 3]| {
+            let (x, y) = (d[0] * inverse_index, d[1] * inverse_index);
+            [x, y, (1.0 - x * x - y * y).max(0.0).sqrt()]
+        };
+        let (l, v) = (refract(l), refract(v));
+        let s = [l[0] + v[0], l[1] + v[1], l[2] + v[2]];
+        let d = [l[0] - v[0], l[1] - v[1], l[2] - v[2]];
+        let inc2 = 0.25 * (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
+        let flat = s[0] * s[0] + s[1] * s[1];
+        // opposite grazing directions without a coat have no sum: their flake lies flat
+        let flake2 = flat / (flat + s[2] * s[2]).max(1e-30);
+        let p2 = inc2 * flake2;
+        let q2 = 0.25 * d[2] * d[2];
+        Self { sin_inc: inc2.sqrt(), root_flake: flake2.sqrt().sqrt(), p2, p2_cos2: 2.0 * q2 - p2 }
+    }
+}
+
+/// Components as the look-up takes them.
+#[inline]
+pub(super) fn single(d: Vec3) -> [f32; 3] {
+    [d.x as f32, d.y as f32, d.z as f32]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use gonio_optics::{Geometry, flake, fresnel};
+
+    #[test]
+    fn the_place_is_that_of_the_stable_formulas_and_the_azimuth_that_of_the_difference() {
+        for (ti, to, phi) in
+            [(10.0, 60.0, 35.0), (80.0, 85.0, 120.0), (45.0, 20.0, 179.0), (75.0, 75.0, 90.0)]
+        {
+            let (l, v) = Geometry::from_degrees(ti, to, phi).directions();
+            let p = FlakePoint::new(single(l), single(v), 1.0 / 1.5);
+            let a = flake::flake_angles(l, v, 1.5);
+            assert!((f64::from(p.sin_inc) - a.theta_inc.sin()).abs() < 1e-6);
+            assert!((f64::from(p.root_flake).powi(2) - a.theta_flake.sin()).abs() < 1e-6);
+            // φ_d by construction: d against the meridian of s
+            let (l, v) = (fresnel::refract(l, 1.5), fresnel::refract(v, 1.5));
+            let (h, d) = ((l + v).normalized(), (l - v).normalized());
+            let across = Vec3::Z.cross(h).normalized();
+            let along = across.cross(h);
+            let azimuth = d.dot(across).atan2(d.dot(along));
+            let want = (a.theta_inc.sin() * a.theta_flake.sin()).powi(2) * (2.0 * azimuth).cos();
+            assert!((f64::from(p.p2_cos2) - want).abs() < 1e-6, "{want} {p:?}");
+        }
+    }
+}

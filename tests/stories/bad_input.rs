@@ -26,7 +26,7 @@ fn an_absent_port_is_told() {
         "-o",
         "S.mcap",
     ];
-    refused(&bench, &words, 4, &["not there"]);
+    refused(&bench, &words, 4, &["/dev/no-such-port", "not there"]);
     assert!(!bench.path("S.mcap").exists(), "nothing half-written stays behind");
 }
 

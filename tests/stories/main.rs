@@ -2,7 +2,9 @@
 
 mod bad_input;
 mod command;
+mod faulty_line;
 mod formats;
+mod going_on;
 mod golden_tables;
 mod house;
 mod laws;

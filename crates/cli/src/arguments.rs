@@ -176,7 +176,7 @@ pub struct VirtualArguments {
     /// Errors of the virtual instrument, TOML, or `builtin`
     #[arg(long)]
     pub misalignment: Option<PathBuf>,
-    /// Faults of the virtual instrument, TOML
+    /// Faults of the virtual instrument during the scan, TOML
     #[arg(long)]
     pub faults: Option<PathBuf>,
     /// Seed of its noise
@@ -254,6 +254,9 @@ pub struct ReplayArguments {
     /// Sessions of the white reference; by default those found beside the session
     #[arg(long)]
     pub reference: Vec<PathBuf>,
+    /// Instrument description in place of the recorded one: TOML, or `reference` / `tiny`
+    #[arg(long)]
+    pub instrument: Option<String>,
     /// The table to write
     #[arg(short, long)]
     pub output: PathBuf,

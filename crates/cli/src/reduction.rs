@@ -19,6 +19,8 @@ pub struct Calibrated {
     pub white: WhiteReference,
     /// The session it came from.
     pub session: PathBuf,
+    /// Poses of it that could not be read, in words.
+    pub lost: Vec<String>,
 }
 
 /// A white reference that may be used.
@@ -82,14 +84,15 @@ pub fn calibrate(
     let map = Arc::new(PixelMap::new(instrument));
     let mut builder = WhiteBuilder::new(map.clone(), &certificate, notes, &Options::default())
         .map_err(|e| in_session(&e))?;
+    let mut lost = Vec::new();
     for pose in session.poses() {
         match pose {
             Ok(record) => builder.add_pose(&record).map_err(|e| in_session(&e))?,
-            Err(e) => tracing::warn!("{}: {e}", path.display()),
+            Err(e) => lost.push(format!("white reference: {e}")),
         }
     }
     let white = builder.finish().map_err(|e| in_session(&e))?;
-    Ok(Calibrated { map, white, session: path })
+    Ok(Calibrated { map, white, session: path, lost })
 }
 
 /// The reference sessions of a recorded session: those named, else the one recorded with it, else the one that stands beside it.
@@ -136,7 +139,7 @@ pub fn reduce(
 ) -> Result<Reduced, Failure> {
     let sample = session.sample().map_err(Failure::usage)?;
     let mut reducer = reducer(calibrated, &sample)?;
-    let mut lost = Vec::new();
+    let mut lost = calibrated.lost.clone();
     let total = session.pose_indices().count();
     for (k, pose) in session.poses().enumerate() {
         seen(k, total);

@@ -130,7 +130,7 @@ fn table_notices(table: &Measured) -> Vec<Notice> {
     if invalid > 0.0 {
         out.push(Notice {
             weight: Weight::Warning,
-            text: format!("{invalid:.1} % of the cells have no value."),
+            text: format!("{} % of the cells have no value.", significant(invalid, 2)),
         });
     }
     if !table.attributes.get("reference_notes").is_none_or(String::is_empty) {

@@ -108,7 +108,10 @@ pub enum RecordingError {
         index: u32,
     },
     /// A part that the session does not hold.
-    #[error("{} holds no readable {name}; give it on the command line instead", path.display())]
+    #[error(
+        "{} holds no readable {name}; see `gonio verify` (`gonio replay --instrument` takes a description from elsewhere)",
+        path.display()
+    )]
     NoSuchPart {
         /// The file.
         path: PathBuf,

@@ -9,7 +9,7 @@ use serde_json::json;
 use crate::arguments::{DemoArguments, Kind, ScanArguments, VirtualArguments};
 use crate::outcome::{Failure, Outcome};
 use crate::output::{Printer, check_free, shown, write_whole};
-use crate::{fitting, rig, scanning, signals};
+use crate::{fitting, rig, signals};
 
 use super::scan;
 
@@ -57,7 +57,7 @@ pub fn run(a: &DemoArguments, printer: Printer) -> Result<Outcome, Failure> {
     };
     let cancel = signals::cancel_on_signals()?;
     let scanned = scan::scan(&arguments, &cancel)?;
-    let verdict = scanning::verdict(&scanned.recorded, &session);
+    let verdict = scanned.verdict(&session);
     let (Some(fit), Some(files)) = (&scanned.fit, &scanned.files) else {
         return verdict;
     };

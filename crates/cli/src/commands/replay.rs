@@ -10,7 +10,7 @@ use crate::arguments::ReplayArguments;
 use crate::outcome::{Failure, Outcome};
 use crate::output::{Printer, check_apart, check_free, shown};
 use crate::results::{self, Files, Story};
-use crate::{fitting, progress, reduction};
+use crate::{fitting, progress, reduction, rig};
 
 /// Reduces a session with the same code as a live scan: the same settings give the same bytes.
 ///
@@ -23,7 +23,10 @@ pub fn run(a: &ReplayArguments, printer: Printer) -> Result<Outcome, Failure> {
         files.check_free(a.force)?;
     }
     let session = Session::open(&a.session).map_err(Failure::usage)?;
-    let instrument = session.instrument().map_err(Failure::usage)?;
+    let instrument = match &a.instrument {
+        Some(name) => rig::instrument(name)?,
+        None => session.instrument().map_err(Failure::usage)?,
+    };
     let sample = session.sample().map_err(Failure::usage)?;
     let inputs: Vec<&Path> =
         session.files().chain(a.reference.iter().map(std::path::PathBuf::as_path)).collect();

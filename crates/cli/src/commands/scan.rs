@@ -10,6 +10,7 @@ use gonio_fitter::Fit;
 use gonio_instrument::{Cancel, Certificate, Description, Plan, PoseRecord, SampleRecord, ScanKind};
 use gonio_recording::{Attachment, Session};
 use gonio_render::report::Fact;
+use gonio_sim::firmware::Faults;
 use serde_json::json;
 
 use crate::arguments::ScanArguments;
@@ -33,6 +34,21 @@ pub struct Scanned {
     pub fit: Option<Fit>,
     /// Files beside the session, with `--fit`.
     pub files: Option<Files>,
+    /// What the table is without, in words: poses of sample or reference that could not be used.
+    pub lost: Vec<String>,
+}
+
+impl Scanned {
+    /// The outcome of the command.
+    ///
+    /// # Errors
+    /// As [`scanning::verdict`].
+    pub fn verdict(&self, session: &Path) -> Result<Outcome, Failure> {
+        match scanning::verdict(&self.recorded, session)? {
+            Outcome::Done if !self.lost.is_empty() => Ok(Outcome::WithLoss(self.lost.join("; "))),
+            other => Ok(other),
+        }
+    }
 }
 
 /// `gonio scan`.
@@ -48,7 +64,7 @@ pub fn run(a: &ScanArguments, printer: Printer) -> Result<Outcome, Failure> {
         text += &format!("{} ({})\n{}", fit.model.name(), fit.status.name(), fitting::parameter_lines(fit));
         text += &format!("report: {}\n", files.report.display());
     }
-    let verdict = scanning::verdict(r, &a.output);
+    let verdict = scanned.verdict(&a.output);
     printer.result(
         &text,
         &json!({
@@ -155,12 +171,12 @@ pub fn scan(a: &ScanArguments, cancel: &Cancel) -> Result<Scanned, Failure> {
                 &job,
                 recorded,
                 reduction::reducer(calibrated, &job.sample)?,
-                &[],
+                calibrated.lost.clone(),
                 calibrated,
                 model,
                 &files,
             ),
-            _ => Ok(Scanned { recorded, fit: None, files: None }),
+            _ => Ok(Scanned { recorded, fit: None, files: None, lost: Vec::new() }),
         };
     }
     let mut rig = Rig::open(&a.device, &a.camera, &instrument, &plan, kind, simulated.as_ref())?;
@@ -179,7 +195,7 @@ pub fn scan(a: &ScanArguments, cancel: &Cancel) -> Result<Scanned, Failure> {
         }
         _ => {
             let recorded = scanning::record(&job, &mut rig, &map, cancel, control.as_ref(), &mut |_| {})?;
-            Ok(Scanned { recorded, fit: None, files: None })
+            Ok(Scanned { recorded, fit: None, files: None, lost: Vec::new() })
         }
     }
 }
@@ -197,7 +213,7 @@ fn with_fit(
     files: &Files,
 ) -> Result<Scanned, Failure> {
     let mut reducer = reduction::reducer(calibrated, &job.sample)?;
-    let mut lost: Vec<String> = Vec::new();
+    let mut lost = calibrated.lost.clone();
     let (sender, poses) = sync_channel::<PoseRecord>(WAITING_POSES);
     let (reducer_ref, lost_ref) = (&mut reducer, &mut lost);
     let recorded = std::thread::scope(|scope| {
@@ -225,9 +241,9 @@ fn with_fit(
         recorded
     })?;
     if reducer.statistics().is_empty() {
-        return Ok(Scanned { recorded, fit: None, files: None });
+        return Ok(Scanned { recorded, fit: None, files: None, lost: Vec::new() });
     }
-    conclude(job, recorded, reducer, &lost, calibrated, model, files)
+    conclude(job, recorded, reducer, lost, calibrated, model, files)
 }
 
 /// The last table, fit, report and pictures.
@@ -235,7 +251,7 @@ fn conclude(
     job: &Job<'_>,
     recorded: Recorded,
     mut reducer: Reducer,
-    lost: &[String],
+    mut lost: Vec<String>,
     calibrated: &Calibrated,
     model: &str,
     files: &Files,
@@ -245,6 +261,7 @@ fn conclude(
         let session = Session::open(job.output).map_err(|e| Failure::Failed(e.to_string()))?;
         let reduced = reduction::reduce(&session, calibrated, |_, _| {})?;
         reducer = reduced.reducer;
+        lost = reduced.lost;
         reduced.table
     } else {
         reducer.finish()
@@ -268,10 +285,10 @@ fn conclude(
                 format!("{} {}, {} frames", recorded.camera.name, recorded.camera.serial, recorded.frames),
             ),
         ],
-        lost,
+        lost: &lost,
     };
     results::write_all(files, &table, &fit, &story)?;
-    Ok(Scanned { recorded, fit: Some(fit), files: Some(files.clone()) })
+    Ok(Scanned { recorded, fit: Some(fit), files: Some(files.clone()), lost })
 }
 
 /// The white reference of the virtual instrument: the one beside the output if it is of the same virtual instrument, else a new one.
@@ -287,14 +304,13 @@ fn virtual_white(
     provenance.insert("time_scale".to_owned(), simulated.time_scale.to_string());
     if path.exists() {
         let same = Session::open(&path).ok().is_some_and(|s| {
-            s.provenance().is_ok_and(|p| p == provenance)
-                && s.instrument().is_ok_and(|i| i == *instrument)
-                && s.finished()
+            s.provenance().is_ok_and(|p| p == provenance) && s.instrument().is_ok_and(|i| i == *instrument)
         });
-        if same {
+        if same && gonio_recording::progress(&path).is_ok_and(|p| p.complete()) {
             return Ok(path);
         }
-        if !a.force && !a.resume {
+        // one that broke off is taken again
+        if !same && !a.force && !a.resume {
             return Err(Failure::usage(format!(
                 "{} is of another virtual instrument; say --force to take it again, or name a reference",
                 path.display()
@@ -317,13 +333,21 @@ fn virtual_white(
         resume: false,
         force: true,
     };
-    let mut rig = Rig::open("sim", "sim", instrument, &plan, ScanKind::White, Some(simulated))?;
+    // what shall go wrong, shall go wrong with the scan
+    let sound = Simulated { faults: Faults::default(), ..simulated.clone() };
+    let mut rig = Rig::open("sim", "sim", instrument, &plan, ScanKind::White, Some(&sound))?;
     let recorded = scanning::record(&job, &mut rig, map, cancel, None, &mut |_| {})?;
+    let told = |e: String| {
+        let e = e.replace("go on with --resume", "say the same command again");
+        format!("while the white reference was taken, which comes first: {e}")
+    };
     match scanning::verdict(&recorded, &path) {
         Ok(Outcome::Done) => Ok(path),
         Ok(Outcome::WithLoss(why)) => {
             Err(Failure::Failed(format!("the white reference is incomplete: {why}")))
         }
+        Err(Failure::Failed(e)) => Err(Failure::Failed(told(e))),
+        Err(Failure::Device(e)) => Err(Failure::Device(told(e))),
         Err(e) => Err(e),
     }
 }

@@ -139,6 +139,18 @@ fn times(brdf: &dyn Brdf) -> Result<(), Failure> {
     for (tag, options) in variants() {
         let map = FlakeMap::fit("trade", &fitted, &options)?;
         line(&tag, time(&single, |l, v| map.eval_single(l, v)[1]), map.bytes());
+        let (light, view): (Vec<_>, Vec<_>) = single.iter().copied().unzip();
+        let mut out = vec![[0.0; 3]; light.len()];
+        let mut each: Vec<f64> = (0..BATCHES)
+            .map(|_| {
+                let start = Instant::now();
+                map.eval_many(black_box(&light), black_box(&view), &mut out);
+                black_box(&mut out);
+                start.elapsed().as_secs_f64() * 1e9 / light.len() as f64
+            })
+            .collect();
+        each.sort_by(f64::total_cmp);
+        line("many", each[BATCHES / 2], map.bytes());
     }
     Ok(())
 }
@@ -168,6 +180,8 @@ fn main() -> Result<(), Failure> {
         last = Some(loaded);
     }
     print_row("mean", sums.iter().map(|s| s / count));
+    // the second column is fix A at the in-plane geometry itself, without a map's own error
+    print_row("ratio of means to A-dir", sums.iter().map(|s| s / sums[1]));
     match last.as_ref().and_then(|l| l.as_brdf()) {
         Some(brdf) => times(brdf),
         None => Err(format!("no material has \"{filter}\" in its name").into()),

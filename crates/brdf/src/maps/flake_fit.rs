@@ -200,7 +200,7 @@ struct Row {
 impl Row {
     fn new(s: &Sample, o: &FlakeFitOptions) -> Self {
         let p = FlakePoint::new(single(s.light), single(s.view), (1.0 / o.index) as f32);
-        let (corner, share) = place(&p, o.index as f32, o.nodes);
+        let (corner, share) = place(&p, o.index, o.nodes);
         let t = if o.transmittance {
             f64::from(transmittance(s.light.z as f32, s.view.z as f32, o.index as f32))
         } else {

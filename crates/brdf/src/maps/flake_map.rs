@@ -22,6 +22,9 @@ use crate::{Brdf, Rgb};
 /// The largest K.
 pub const MAX_HARMONICS: usize = 3;
 
+/// Geometries that [`FlakeMap::eval_many`] takes at a time.
+const LANES: usize = 16;
+
 /// A fitted map; [`FlakeMap::fit`] makes it, [`FlakeMap::from_json`] reads it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FlakeMap {
@@ -75,45 +78,107 @@ impl FlakeMap {
     #[must_use]
     pub fn covers(&self, light: Vec3, view: Vec3) -> bool {
         let p = FlakePoint::new(single(light), single(view), (1.0 / self.index) as f32);
-        let (corner, _) = place(&p, self.index as f32, self.nodes);
+        let (corner, _) = place(&p, self.index, self.nodes);
         corner.iter().all(|&n| self.covered.get(n).copied().unwrap_or(false))
     }
 
-    /// f in 1/sr in single precision, the path for renderers: unit directions, z the normal.
+    /// f in 1/sr in single precision: unit directions, z the normal.
     #[inline]
     #[must_use]
     pub fn eval_single(&self, light: [f32; 3], view: [f32; 3]) -> [f32; 3] {
-        if light[2] < 0.0 || view[2] < 0.0 {
-            return [0.0; 3];
+        let [f] = self.eval_block([light], [view]);
+        f
+    }
+
+    /// f of many geometries, the path for renderers: several at a time in vector registers. Ends with the shortest of the three slices.
+    pub fn eval_many(&self, light: &[[f32; 3]], view: &[[f32; 3]], out: &mut [[f32; 3]]) {
+        let ((lights, light), (views, view)) = (light.as_chunks::<LANES>(), view.as_chunks::<LANES>());
+        let blocks = lights.len().min(views.len());
+        let whole = out.len().min(blocks * LANES);
+        let (many, rest) = out.split_at_mut(whole / LANES * LANES);
+        let (many, _) = many.as_chunks_mut::<LANES>();
+        for ((l, v), f) in lights.iter().zip(views).zip(many.iter_mut()) {
+            *f = self.eval_block(*l, *v);
         }
-        match self.harmonics {
-            0 => self.eval_harmonics::<0, 1>(light, view),
-            1 => self.eval_harmonics::<1, 2>(light, view),
-            2 => self.eval_harmonics::<2, 3>(light, view),
-            _ => self.eval_harmonics::<3, 4>(light, view),
+        let done = many.len();
+        let (light, view) = (
+            lights[done..].as_flattened().iter().chain(light),
+            views[done..].as_flattened().iter().chain(view),
+        );
+        for ((l, v), f) in light.zip(view).zip(rest) {
+            *f = self.eval_single(*l, *v);
         }
     }
 
-    /// `N = K + 1` terms.
     #[inline]
-    fn eval_harmonics<const K: usize, const N: usize>(&self, light: [f32; 3], view: [f32; 3]) -> [f32; 3] {
-        let p = FlakePoint::new(light, view, (1.0 / self.index) as f32);
-        let (corner, weight) = place(&p, self.index as f32, self.nodes);
-        let basis = basis::<N>(&p, self.index);
-        let mut y = [0.0; 4];
-        for (node, w) in corner.into_iter().zip(weight) {
-            if let Some(c) = self.coefficients.get(node * N..node * N + N) {
-                for k in 0..N {
-                    let factor = if K == 0 { w } else { w * basis[k] };
-                    for lane in 0..4 {
-                        y[lane] += factor * c[k][lane];
-                    }
+    fn eval_block<const L: usize>(&self, light: [[f32; 3]; L], view: [[f32; 3]; L]) -> [[f32; 3]; L] {
+        match self.harmonics {
+            0 => self.eval_terms::<1, L>(light, view),
+            1 => self.eval_terms::<2, L>(light, view),
+            2 => self.eval_terms::<3, L>(light, view),
+            _ => self.eval_terms::<4, L>(light, view),
+        }
+    }
+
+    /// `N = K + 1` terms at L geometries; each step is a loop without a branch over all L.
+    #[inline]
+    fn eval_terms<const N: usize, const L: usize>(
+        &self,
+        light: [[f32; 3]; L],
+        view: [[f32; 3]; L],
+    ) -> [[f32; 3]; L] {
+        let axis = |d: &[[f32; 3]; L], c: usize| std::array::from_fn::<f32, L, _>(|i| d[i][c]);
+        let l: [[f32; L]; 3] = std::array::from_fn(|c| axis(&light, c));
+        let v: [[f32; L]; 3] = std::array::from_fn(|c| axis(&view, c));
+        let (inverse_index, cells) = ((1.0 / self.index) as f32, Cells::new(self.index, self.nodes));
+        let scale = basis_scale(self.index);
+        let (mut first, mut a, mut b) = ([0i32; L], [0.0; L], [0.0; L]);
+        let (mut p, mut basis_at) = ([[0.0; L]; 2], [[1.0; L]; N]);
+        for i in 0..L {
+            let at = FlakePoint::new([l[0][i], l[1][i], l[2][i]], [v[0][i], v[1][i], v[2][i]], inverse_index);
+            (first[i], a[i], b[i]) = cells.at(&at);
+            p[0][i] = at.p2_cos2 * scale;
+            p[1][i] = (at.p2 * scale) * (at.p2 * scale);
+        }
+        for k in 1..N {
+            for i in 0..L {
+                basis_at[k][i] = next(k, p[0][i], p[1][i], &|m: usize| basis_at[m][i]);
+            }
+        }
+        let mut y = [[0.0; 4]; L];
+        let row = self.nodes[1] * N;
+        for i in 0..L {
+            let at = first[i] as usize * N;
+            let (near, far) =
+                (self.coefficients.get(at..at + 2 * N), self.coefficients.get(at + row..at + row + 2 * N));
+            // both are there for every place; a map is checked when it is made
+            let (Some(near), Some(far)) = (near, far) else { continue };
+            let (a, b) = (a[i], b[i]);
+            for k in 0..N {
+                for lane in 0..4 {
+                    let low = near[k][lane] + b * (near[N + k][lane] - near[k][lane]);
+                    let high = far[k][lane] + b * (far[N + k][lane] - far[k][lane]);
+                    let c = low + a * (high - low);
+                    y[i][lane] += if k == 0 { c } else { c * basis_at[k][i] };
                 }
             }
         }
-        let t = if self.transmittance { transmittance(light[2], view[2], self.index as f32) } else { 1.0 };
         let [low, high] = self.bounds;
-        [0, 1, 2].map(|c| t * self.transform.inverse(y[c].max(low[c]).min(high[c])))
+        for y in &mut y {
+            for lane in 0..4 {
+                y[lane] = self.transform.inverse(y[lane].max(low[lane]).min(high[lane]));
+            }
+        }
+        let mut t = [1.0; L];
+        for i in 0..L {
+            if self.transmittance {
+                t[i] = transmittance(l[2][i], v[2][i], self.index as f32);
+            }
+            if l[2][i] < 0.0 || v[2][i] < 0.0 {
+                t[i] = 0.0;
+            }
+        }
+        std::array::from_fn(|i| [t[i] * y[i][0], t[i] * y[i][1], t[i] * y[i][2]])
     }
 }
 
@@ -128,31 +193,63 @@ pub(super) fn transmittance(cos_i: f32, cos_o: f32, index: f32) -> f32 {
     (t(cos_i) * t(cos_o)).max(0.01)
 }
 
-/// P_0 … P_(N−1).
+/// S²: sin θ_inc sin θ_flake is largest where both are equal, 1 − cos of the steepest angle inside the coat.
 #[inline]
-pub(super) fn basis<const N: usize>(p: &FlakePoint, index: f64) -> [f32; N] {
-    // sin θ_inc sin θ_flake is largest where both are equal, 1 − cos of the steepest angle inside the coat
+fn basis_scale(index: f64) -> f32 {
     let steepest = 1.0 - (1.0 - 1.0 / (index * index)).max(0.0).sqrt();
-    let scale = (1.0 / (steepest * steepest)) as f32;
-    let (first, square) = (p.p2_cos2 * scale, (p.p2 * scale) * (p.p2 * scale));
+    (1.0 / (steepest * steepest)) as f32
+}
+
+/// P_k from those before it, P_1 and the square of its amplitude (Chebyshev).
+#[inline]
+fn next(k: usize, first: f32, square: f32, before: &impl Fn(usize) -> f32) -> f32 {
+    if k == 1 { first } else { 2.0 * first * before(k - 1) - square * before(k - 2) }
+}
+
+/// P_0 … P_(N−1).
+pub(super) fn basis<const N: usize>(p: &FlakePoint, index: f64) -> [f32; N] {
+    let scale = basis_scale(index);
     let mut out = [1.0; N];
     for k in 1..N {
-        out[k] = if k == 1 { first } else { 2.0 * first * out[k - 1] - square * out[k - 2] };
+        out[k] = next(k, p.p2_cos2 * scale, (p.p2 * scale) * (p.p2 * scale), &|m: usize| out[m]);
     }
     out
 }
 
+/// The nodes as a place is looked up among them.
+#[derive(Clone, Copy)]
+struct Cells {
+    /// Steps per sin θ_inc and per √(sin θ_flake).
+    steps: [f32; 2],
+    /// The last cell of each axis.
+    last: [i32; 2],
+    /// Nodes over θ_flake.
+    row: i32,
+}
+
+impl Cells {
+    #[inline]
+    fn new(index: f64, nodes: [usize; 2]) -> Self {
+        Self {
+            steps: [(index * (nodes[0] - 1) as f64) as f32, (index.sqrt() * (nodes[1] - 1) as f64) as f32],
+            last: nodes.map(|n| n as i32 - 2),
+            row: nodes[1] as i32,
+        }
+    }
+
+    /// Number of the cell's first node and the fractions towards the next along θ_inc and θ_flake.
+    #[inline]
+    fn at(&self, p: &FlakePoint) -> (i32, f32, f32) {
+        let (x, y) = (p.sin_inc * self.steps[0], p.root_flake * self.steps[1]);
+        let (i, j) = ((x as i32).min(self.last[0]), (y as i32).min(self.last[1]));
+        (i * self.row + j, (x - i as f32).min(1.0), (y - j as f32).min(1.0))
+    }
+}
+
 /// The four nodes around a place, and their bilinear weights.
-#[inline]
-pub(super) fn place(p: &FlakePoint, index: f32, nodes: [usize; 2]) -> ([usize; 4], [f32; 4]) {
-    let along = |u: f32, n: usize| {
-        let x = (u * (n - 1) as f32).max(0.0);
-        let k = (x as usize).min(n - 2);
-        (k, (x - k as f32).min(1.0))
-    };
-    let (i, a) = along(p.sin_inc * index, nodes[0]);
-    let (j, b) = along(p.root_flake * index.sqrt(), nodes[1]);
-    let n = i * nodes[1] + j;
+pub(super) fn place(p: &FlakePoint, index: f64, nodes: [usize; 2]) -> ([usize; 4], [f32; 4]) {
+    let (n, a, b) = Cells::new(index, nodes).at(p);
+    let n = n as usize;
     ([n, n + 1, n + nodes[1], n + nodes[1] + 1], [(1.0 - a) * (1.0 - b), (1.0 - a) * b, a * (1.0 - b), a * b])
 }
 

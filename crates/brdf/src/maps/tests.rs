@@ -164,6 +164,25 @@ fn every_geometry_has_a_finite_answer() {
 }
 
 #[test]
+fn many_at_a_time_give_what_each_gives_alone() {
+    let single = |d: Vec3| d.to_array().map(|x| x as f32);
+    let everywhere = Region { largest: Angle::RIGHT, from_mirror: Angle::ZERO };
+    let (mut light, view): (Vec<_>, Vec<_>) =
+        everywhere.directions(101, 2).map(|(l, v)| (single(l), single(v))).unzip();
+    light[40][2] = -0.1;
+    for harmonics in 0..=3 {
+        let map = fitted(&FlakePaint { azimuthal: 6.0 }, &options(harmonics));
+        for count in [0, 1, 15, 16, 17, 101] {
+            let mut out = vec![[-1.0; 3]; count];
+            map.eval_many(&light, &view, &mut out);
+            for (i, f) in out.iter().enumerate() {
+                assert_eq!(*f, map.eval_single(light[i], view[i]), "{count} {i}");
+            }
+        }
+    }
+}
+
+#[test]
 fn a_map_is_read_back_as_it_was_and_a_damaged_one_is_refused() {
     let map = fitted(&FlakePaint { azimuthal: 6.0 }, &options(2));
     let text = map.to_json().unwrap();

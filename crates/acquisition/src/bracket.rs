@@ -13,7 +13,8 @@ use gonio_instrument::description::CameraGeometry;
 pub const TARGET: f64 = 0.2;
 /// A level that a longer exposure aims at: below saturation with room for noise.
 const AIM: f64 = 0.75;
-/// Share of the pixels that may stay saturated or dim: dust and hot pixels are no reason for another exposure.
+/// Share of the pixels that may stay dim: dust and hot pixels are no reason for another exposure. None may stay saturated
+/// while there is a shorter one: the gloss of a coat is a dozen pixels of a million, and hot pixels do not saturate in short exposures.
 const NEGLIGIBLE: f64 = 2e-4;
 /// Step to shorter exposures while pixels saturate.
 const DOWN: f64 = 8.0;
@@ -135,7 +136,7 @@ impl Bracket {
         let shortest = self.taken.iter().map(|s| s.exposure_s).fold(f64::INFINITY, f64::min);
         let longest = self.taken.iter().map(|s| s.exposure_s).fold(0.0, f64::max);
         // the camera may round: within a percent of its limit it is there
-        if last.saturated_share > NEGLIGIBLE && shortest > self.limits_s[0] * 1.01 {
+        if last.saturated_share > 0.0 && shortest > self.limits_s[0] * 1.01 {
             // the last exposure of all is kept for what is dim, if there is any
             return Some(duration((shortest / DOWN).max(self.limits_s[0])));
         }

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::footprint::lit_share;
+use crate::footprint::lit_share_at;
 use crate::merge::MergedPose;
 use crate::pixel_map::{PixelMap, PoseView};
 use crate::reference::WhiteReference;
@@ -69,11 +69,19 @@ pub fn cells(
         .map(|p| {
             let m = merged.pixels[p];
             let k = f64::from(white.scale[p]);
+            if m.rate == f32::INFINITY {
+                return PixelValue { f: f32::INFINITY, shot: 0.0, read: 0.0, dark: 0.0, reference: 0.0 };
+            }
             if !m.is_valid() || k.is_nan() {
                 return PixelValue { f: f32::NAN, shot: 0.0, read: 0.0, dark: 0.0, reference: 0.0 };
             }
             let v = view.sample_from_lab.apply(map.direction(p));
-            let lit = if v.z < 0.26 { lit_share(map.footprint_mm(p), spot, cos_i, v) } else { 1.0 };
+            let place = map.place_mm(p, &view.sample_from_lab);
+            let lit = if v.z < 0.26 || place[0].hypot(place[1]) > 0.3 * spot {
+                lit_share_at(place, map.footprint_mm(p), spot, cos_i, v)
+            } else {
+                1.0
+            };
             if lit < 0.5 {
                 return PixelValue { f: f32::NAN, shot: 0.0, read: 0.0, dark: 0.0, reference: 0.0 };
             }
@@ -120,6 +128,7 @@ struct Sum {
     read: f64,
     dark: f64,
     reference: f64,
+    saturated: bool,
 }
 
 fn sum(weights: &Weights, pixels: &[PixelValue], bin: usize, channel: usize) -> Sum {
@@ -129,7 +138,8 @@ fn sum(weights: &Weights, pixels: &[PixelValue], bin: usize, channel: usize) -> 
         let v = pixels[p as usize];
         let w = f64::from(w);
         s.all += w.abs();
-        if v.f.is_nan() {
+        s.saturated |= v.f == f32::INFINITY;
+        if !v.f.is_finite() {
             continue;
         }
         s.valid += w.abs();
@@ -150,7 +160,8 @@ fn one(weights: &Weights, pixels: &[PixelValue], sides: [usize; 2], min_coverage
     let seen: [f64; 2] = [0, 1].map(|k| {
         let valid = sums[k]
             .iter()
-            .map(|s| if s.all > 0.0 && s.w > 0.0 { s.valid / s.all } else { 0.0 })
+            // what saturates is no gap to be passed over: it is the brightest part of the cell
+            .map(|s| if s.all > 0.0 && s.w > 0.0 && !s.saturated { s.valid / s.all } else { 0.0 })
             .fold(1.0, f64::min);
         weights.coverage(sides[k]).min(1.0) * valid
     });

@@ -16,7 +16,7 @@ use crate::error::AcquisitionError;
 use crate::pixel_map::PixelMap;
 use crate::sensor::Sensor;
 
-/// A merged pixel; `rate` is NaN where no exposure can be used.
+/// A merged pixel; `rate` is NaN where nothing is known, infinite where every exposure is saturated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Merged {
     /// Electrons per second at the nominal lamp.
@@ -35,10 +35,13 @@ impl Merged {
     /// No value.
     pub const INVALID: Self = Self { rate: f32::NAN, shot: 0.0, read: 0.0, dark: 0.0, exposure: 0.0 };
 
+    /// Brighter than the shortest exposure can show.
+    pub const SATURATED: Self = Self { rate: f32::INFINITY, ..Self::INVALID };
+
     /// Whether there is a value.
     #[must_use]
     pub const fn is_valid(&self) -> bool {
-        !self.rate.is_nan()
+        self.rate.is_finite()
     }
 }
 
@@ -82,8 +85,8 @@ pub(crate) fn check_frames(record: &PoseRecord, map: &PixelMap) -> Result<(), Ac
     Ok(())
 }
 
-/// Merges the exposures of a pose for the pixels in `wanted`; isolated pixels without a value (hot ones) are taken
-/// from their neighbours of the same colour.
+/// Merges the exposures of a pose for the pixels in `wanted`; isolated hot pixels are taken from their neighbours of the
+/// same colour. A saturated pixel is not: where a gloss is a few pixels wide its neighbours know nothing of it.
 ///
 /// # Errors
 /// [`AcquisitionError`] for frames of the wrong size and for a pose without light.
@@ -119,7 +122,8 @@ pub fn merge(
     });
     let lit = wanted.iter().filter(|v| **v).count().max(1);
     let lost = (0..pixels.len()).filter(|&p| wanted[p] && !dark.is_hot(p) && !pixels[p].is_valid()).count();
-    mend(&mut pixels, wanted, w, map.height());
+    let hot: Vec<usize> = (0..pixels.len()).filter(|&p| wanted[p] && dark.is_hot(p)).collect();
+    mend(&mut pixels, hot, w, map.height());
     Ok(MergedPose {
         pixels,
         exposures: frames.len() as u32,
@@ -152,7 +156,7 @@ fn pixel(frames: &[(&Exposure, f64)], p: usize, map: &PixelMap, sensor: &Sensor,
         exposure += x;
     }
     if exposure <= 0.0 {
-        return Merged::INVALID;
+        return Merged::SATURATED;
     }
     let guess = (signal / exposure).max(0.0);
     let dark_e = |t: f64| (current * t).max(0.0);
@@ -196,10 +200,9 @@ fn neighbourhood(raw: &[u16], p: usize, w: usize, h: usize) -> f32 {
     sum as f32 / n.max(1) as f32
 }
 
-/// Gives isolated pixels without a value that of their neighbours: along the row or the column, whichever runs smoother,
+/// Gives isolated hot pixels the value of their neighbours: along the row or the column, whichever runs smoother,
 /// by the cubic through four, else the mean of two.
-fn mend(pixels: &mut [Merged], wanted: &[bool], w: usize, h: usize) {
-    let holes: Vec<usize> = (0..pixels.len()).filter(|&p| wanted[p] && !pixels[p].is_valid()).collect();
+fn mend(pixels: &mut [Merged], holes: Vec<usize>, w: usize, h: usize) {
     let mut mended = Vec::new();
     for p in holes {
         let (x, y) = (p % w, p / w);

@@ -131,6 +131,18 @@ impl PixelMap {
             / (m - self.optics.pupil_mm()).norm().max(1e-9)
     }
 
+    /// Where on the sample a pixel looks, mm in the sample frame's x and y from F1: nowhere else than F1 on an aligned instrument, beside it
+    /// (and further the more grazing the view) where mirror or camera stand off their places.
+    #[must_use]
+    pub fn place_mm(&self, pixel: usize, sample_from_lab: &Rotation) -> [f64; 2] {
+        let m = sample_from_lab.apply(self.mirror[pixel]);
+        let d = sample_from_lab.apply(self.direction(pixel));
+        if d.z <= 1e-9 {
+            return [0.0; 2];
+        }
+        [m.x - d.x * m.z / d.z, m.y - d.y * m.z / d.z]
+    }
+
     /// Sample frame and angle of incidence at a pose read back.
     #[must_use]
     pub fn frame(&self, pose: Pose) -> (Rotation, Angle) {

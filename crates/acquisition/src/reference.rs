@@ -13,7 +13,7 @@ use rayon::prelude::*;
 
 use crate::dark::{DarkFrames, DarkModel};
 use crate::error::AcquisitionError;
-use crate::footprint::lit_share;
+use crate::footprint::lit_share_at;
 use crate::merge::merge;
 use crate::options::Options;
 use crate::pixel_map::PixelMap;
@@ -21,6 +21,9 @@ use crate::sensor::Sensor;
 
 /// Largest θo at which a white pixel is trusted, degrees: beyond, footprint and certificate both grow uncertain.
 pub const WHITE_LIMIT_DEG: f64 = 77.0;
+
+/// Smallest lit share of a footprint at which a white pixel is trusted.
+const LEAST_LIT: f64 = 0.5;
 
 /// The calibration of every pixel.
 #[derive(Clone, Debug)]
@@ -180,7 +183,12 @@ impl WhiteBuilder {
             let channel = map.channel(p);
             let mean: f64 = lights.iter().map(|l| brdf.eval(*l, v)[channel] * l.z.max(0.0)).sum::<f64>()
                 / lights.len() as f64;
-            let a = mean * lit_share(map.footprint_mm(p), spot, light.z, v);
+            let place = map.place_mm(p, &view.sample_from_lab);
+            let lit = lit_share_at(place, map.footprint_mm(p), spot, light.z, v);
+            if lit < LEAST_LIT {
+                return;
+            }
+            let a = mean * lit;
             let x = f64::from(m.exposure);
             sum.rate += x * f64::from(m.rate);
             sum.expected += x * a;

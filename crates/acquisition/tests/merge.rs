@@ -133,3 +133,26 @@ fn frames_of_another_camera_and_poses_without_light_are_refused() {
         Err(AcquisitionError::FrameLength { .. })
     ));
 }
+
+#[test]
+fn a_lone_pixel_that_saturates_is_unknown_and_not_what_its_neighbours_show() {
+    let (d, map, sensor) = tiny();
+    let n = d.camera.pixels();
+    let spike = n / 2 + 80;
+    let mut rates = vec![1000.0; n];
+    rates[spike] = 1e9;
+    let r = pose(&d, &rates, &[0.001, 0.1], 3);
+    let merged = merge(&r, &map, &sensor, &DarkModel::none(n), &vec![true; n]).expect("merges");
+    assert!(!merged.pixels[spike].is_valid(), "{:?}", merged.pixels[spike]);
+    assert_eq!(merged.pixels.iter().filter(|m| !m.is_valid()).count(), 1);
+    assert!(merged.saturated_share > 0.0);
+}
+
+#[test]
+fn a_dozen_saturated_pixels_in_a_million_ask_for_a_shorter_exposure() {
+    use gonio_acquisition::bracket::{Bracket, FrameSummary};
+    let mut bracket = Bracket::new([2e-5, 2.0], 8, std::time::Duration::from_millis(10));
+    bracket.add(FrameSummary { exposure_s: 0.01, saturated_share: 1e-5, dim_share: 0.0, dim_level: 0.0 });
+    let next = bracket.proposal().expect("one more").as_secs_f64();
+    assert!(next < 0.01, "{next}");
+}

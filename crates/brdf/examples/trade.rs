@@ -13,7 +13,7 @@ use gonio_brdf::maps::{
     Aspecular, ColourMap, FlakeFitOptions, FlakeMap, LookupTable, Region, Sample, Transform, colour_map,
 };
 use gonio_brdf::{Brdf, Rgb, formats};
-use gonio_optics::{Angle, colour, isoline::Method};
+use gonio_optics::{Angle, Vec3, colour, isoline::Method};
 
 const INDEX: f64 = 1.5;
 const FITTED: usize = 30_000;
@@ -55,22 +55,17 @@ fn mean_error(judged: &[Sample], f: impl Fn(&Sample) -> Rgb) -> f64 {
 
 fn variants() -> Vec<(String, FlakeFitOptions)> {
     let mut out = Vec::new();
-    for (tag, transform, transmittance) in [
-        ("D", Transform::Log, false),
-        ("Dt", Transform::Log, true),
-        ("D3", Transform::CubeRoot, false),
-        ("D3t", Transform::CubeRoot, true),
+    let (log, root) = (Transform::Log, Transform::CubeRoot);
+    let base = FlakeFitOptions { index: INDEX, transform: root, ..FlakeFitOptions::default() };
+    for (tag, options, terms) in [
+        ("D", FlakeFitOptions { transform: log, ..base }, 4),
+        ("root", base, 4),
+        ("T", FlakeFitOptions { transmittance: true, ..base }, 2),
+        ("1.2-", FlakeFitOptions { index: 1.2, ..base }, 2),
+        ("64-", FlakeFitOptions { nodes: [64, 64], ..base }, 3),
+        ("weak-", FlakeFitOptions { smoothness: 1e-4, ..base }, 3),
     ] {
-        for harmonics in 0..=2 {
-            let options = FlakeFitOptions {
-                index: INDEX,
-                harmonics,
-                transform,
-                transmittance,
-                ..FlakeFitOptions::default()
-            };
-            out.push((format!("{tag}{harmonics}"), options));
-        }
+        out.extend((0..terms).map(|k| (format!("{tag}{k}"), FlakeFitOptions { harmonics: k, ..options })));
     }
     out
 }
@@ -80,9 +75,21 @@ fn errors(brdf: &dyn Brdf) -> Result<Vec<(String, f64)>, Failure> {
     let region = Region::default();
     let judged = region.of_brdf(brdf, JUDGED, 1);
     let fitted = region.of_brdf(brdf, FITTED, 0);
+    // what no map with both symmetries can follow: f against its mean over them
+    let symmetric = |s: &Sample| {
+        let turned = |d: Vec3| Vec3::new(d.x, -d.y, d.z);
+        let all = [
+            s.value,
+            brdf.eval(s.view, s.light),
+            brdf.eval(turned(s.light), turned(s.view)),
+            brdf.eval(turned(s.view), turned(s.light)),
+        ];
+        [0, 1, 2].map(|c| 0.25 * all.iter().map(|f| f[c]).sum::<f64>())
+    };
     let by = |m: &dyn Brdf| mean_error(&judged, |s| m.eval(s.light, s.view));
     let mut out = Vec::new();
     out.push(("asp".to_owned(), by(&Aspecular::from_brdf(brdf, Angle::from_degrees(45.0), region.largest))));
+    out.push(("floor".to_owned(), mean_error(&judged, symmetric)));
     let direct = |s: &Sample| colour_map::at_equivalent(brdf, s, INDEX, Method::Clip, region.largest);
     out.push(("A-dir".to_owned(), mean_error(&judged, direct)));
     let mut map = ColourMap::from_brdf(brdf, INDEX, Method::Clip, region.largest, 128);
@@ -180,8 +187,8 @@ fn main() -> Result<(), Failure> {
         last = Some(loaded);
     }
     print_row("mean", sums.iter().map(|s| s / count));
-    // the second column is fix A at the in-plane geometry itself, without a map's own error
-    print_row("ratio of means to A-dir", sums.iter().map(|s| s / sums[1]));
+    // the third column is fix A at the in-plane geometry itself, without a map's own error
+    print_row("ratio of means to A-dir", sums.iter().map(|s| s / sums[2]));
     match last.as_ref().and_then(|l| l.as_brdf()) {
         Some(brdf) => times(brdf),
         None => Err(format!("no material has \"{filter}\" in its name").into()),

@@ -26,7 +26,8 @@ pub struct FlakeFitOptions {
     pub nodes: [usize; 2],
     /// Scale on which errors count.
     pub transform: Transform,
-    /// Whether T(θi)·T(θo) of the coat is divided out before the fit.
+    /// Whether T(θi)·T(θo) of the coat is divided out before the fit. Right for a diffuse base; of real paints it helps some and harms more,
+    /// and from K = 1 on it makes no difference.
     pub transmittance: bool,
     /// λ, against a mean weight of 1 per node.
     pub smoothness: f64,
@@ -42,7 +43,7 @@ impl Default for FlakeFitOptions {
             index: 1.5,
             harmonics: 1,
             nodes: [40, 40],
-            transform: Transform::Log,
+            transform: Transform::CubeRoot,
             transmittance: false,
             smoothness: 1e-3,
             own_error: 0.05,

@@ -10,9 +10,10 @@ pub(super) const DARKEST: f64 = 1e-4 * std::f64::consts::FRAC_1_PI;
 #[serde(rename_all = "kebab-case")]
 pub enum Transform {
     /// `y = log2 f`, f not below 1e-4/π: errors count by their ratio to f.
-    #[default]
     Log,
-    /// `y = f^(1/3)`: errors count as they do in Lab, and the inverse is two products.
+    /// `y = f^(1/3)`: errors count as they do in Lab, noise about zero is no trouble, and the inverse is two products. As exact as [`Self::Log`] on
+    /// real paints.
+    #[default]
     CubeRoot,
 }
 

@@ -160,16 +160,16 @@ pub fn verdict(recorded: &Recorded, session: &Path) -> Result<crate::Outcome, Fa
         }
         Outcome::Refused(e) => Err(Failure::usage(e)),
         Outcome::Failed { error: ScanError::Device(e), .. } => {
-            Err(Failure::Device(told(e.to_string(), &kept)))
+            Err(Failure::Device(told(&e.to_string(), &kept)))
         }
         Outcome::Failed { error: ScanError::Journal(e), .. } => {
-            Err(Failure::Failed(told(e.to_string(), &kept)))
+            Err(Failure::Failed(told(&e.to_string(), &kept)))
         }
     }
 }
 
 /// An error with what is kept; how to go on is said once.
-fn told(error: String, kept: &str) -> String {
+fn told(error: &str, kept: &str) -> String {
     let how = if error.contains("--resume") { "" } else { "; go on with --resume" };
     format!("{error}; {kept}{how}")
 }

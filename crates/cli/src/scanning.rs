@@ -243,7 +243,9 @@ impl Observer for Watcher<'_> {
     fn progress(&mut self, p: &Progress) {
         self.bar.set_position(u64::from(p.poses_done));
         let step = format!("{:?}", p.phase).to_lowercase();
-        self.bar.set_message(format!("{step}, frame {} of about {}", p.exposures_done, p.exposures_total));
+        let left = p.remaining.map(|r| format!(", about {} s to go", r.as_secs() + 1)).unwrap_or_default();
+        self.bar
+            .set_message(format!("{step}, frame {} of about {}{left}", p.exposures_done, p.exposures_total));
         if let Some(c) = self.control {
             c.update(|s| {
                 s.step = step;

@@ -5,7 +5,8 @@
 #[must_use]
 pub fn plus_minus(value: f64, sigma: Option<f64>) -> String {
     match sigma {
-        Some(s) if s > 0.0 && s.is_finite() && value.is_finite() => {
+        // an uncertainty at the level of rounding says that the data hold no more equations than parameters
+        Some(s) if s > 1e-9 * value.abs() && s > 0.0 && s.is_finite() && value.is_finite() => {
             let place = place_of(s) - 1;
             let largest = value.abs().max(s);
             if !(1e-4..1e6).contains(&largest) {

@@ -24,56 +24,64 @@ pub struct Cell {
     pub dark: [f64; 3],
     /// From the noise of the white reference's pixels.
     pub reference: [f64; 3],
+    /// From what a coat's gloss hid: the base under it is a surface fitted around it.
+    pub coat: [f64; 3],
     /// How far the part seen lies from the bin's centroid, radians.
     pub off_centre_rad: f64,
 }
 
-/// f of a pixel and its variances.
-#[derive(Clone, Copy)]
-struct PixelValue {
-    f: f32,
-    shot: f32,
-    read: f32,
-    dark: f32,
-    reference: f32,
+/// f of a pixel and its variances; f is NaN where nothing is known, infinite where every exposure is saturated.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PixelValue {
+    pub(crate) f: f32,
+    pub(crate) shot: f32,
+    pub(crate) read: f32,
+    pub(crate) dark: f32,
+    pub(crate) reference: f32,
+}
+
+impl PixelValue {
+    /// A pixel that says nothing.
+    const UNKNOWN: Self = Self { f: f32::NAN, shot: 0.0, read: 0.0, dark: 0.0, reference: 0.0 };
+
+    /// Variance of its own noise, 1/sr².
+    pub(crate) fn noise(&self) -> f64 {
+        f64::from(self.shot) + f64::from(self.read) + f64::from(self.dark) + f64::from(self.reference)
+    }
 }
 
 /// How the pixels of a pose become cells.
 #[derive(Clone, Copy, Debug)]
-pub struct Binning {
-    /// Mean of cos θ' over the lamp's disc.
-    pub mean_cos_i: f64,
+pub(crate) struct Binning {
     /// Azimuths of the grid.
     pub azimuths: usize,
     /// See [`crate::Options::min_coverage`].
     pub min_coverage: f64,
 }
 
-/// The cells of a pose, θo by φ as in [`gonio_brdf::Grid::index`] without θi; `None` where too little was seen.
+/// f of every pixel of a pose.
 #[must_use]
-pub fn cells(
+pub(crate) fn pixel_values(
     map: &PixelMap,
     view: &PoseView,
-    weights: &Weights,
     merged: &MergedPose,
     white: &WhiteReference,
-    bins: &Binning,
-) -> Vec<Option<Cell>> {
-    let (mean_cos_i, azimuths, min_coverage) = (bins.mean_cos_i, bins.azimuths, bins.min_coverage);
+    mean_cos_i: f64,
+) -> Vec<PixelValue> {
     let spot = map.description().lamp.spot_radius_mm;
     let cos_i = view.theta_i.cos();
     // footprints matter only at grazing view: 0.26 is the cosine of 75°
-    let pixels: Vec<PixelValue> = (0..merged.pixels.len())
+    (0..merged.pixels.len())
         .into_par_iter()
         .with_min_len(4096)
         .map(|p| {
             let m = merged.pixels[p];
             let k = f64::from(white.scale[p]);
             if m.rate == f32::INFINITY {
-                return PixelValue { f: f32::INFINITY, shot: 0.0, read: 0.0, dark: 0.0, reference: 0.0 };
+                return PixelValue { f: f32::INFINITY, ..PixelValue::UNKNOWN };
             }
             if !m.is_valid() || k.is_nan() {
-                return PixelValue { f: f32::NAN, shot: 0.0, read: 0.0, dark: 0.0, reference: 0.0 };
+                return PixelValue::UNKNOWN;
             }
             let v = view.sample_from_lab.apply(map.direction(p));
             let place = map.place_mm(p, &view.sample_from_lab);
@@ -83,7 +91,7 @@ pub fn cells(
                 1.0
             };
             if lit < 0.5 {
-                return PixelValue { f: f32::NAN, shot: 0.0, read: 0.0, dark: 0.0, reference: 0.0 };
+                return PixelValue::UNKNOWN;
             }
             let per_rate = 1.0 / (k * mean_cos_i * lit);
             let relative = f64::from(white.relative_variance[p]);
@@ -98,7 +106,13 @@ pub fn cells(
                 reference: (f * f * relative) as f32,
             }
         })
-        .collect();
+        .collect()
+}
+
+/// The cells of a pose, θo by φ as in [`gonio_brdf::Grid::index`] without θi; `None` where too little was seen.
+#[must_use]
+pub(crate) fn cells(weights: &Weights, pixels: &[PixelValue], bins: &Binning) -> Vec<Option<Cell>> {
+    let azimuths = bins.azimuths;
     let count = weights.bins() / 2;
     let mut out: Vec<Option<Cell>> = (0..count)
         .into_par_iter()
@@ -106,13 +120,54 @@ pub fn cells(
             if cell < azimuths && cell > 0 && weights.coverage(cell) == 0.0 {
                 return None;
             }
-            one(weights, &pixels, [cell, count + cell], min_coverage)
+            one(weights, pixels, [cell, count + cell], bins.min_coverage)
         })
         .collect();
-    // the cap around the normal is shared by all azimuths; its weights are kept in the first
-    if weights.coverage(0) > 0.0 && (1..azimuths).all(|k| weights.coverage(k) == 0.0) {
+    if has_cap(weights, azimuths) {
         let cap = out[0];
         out[1..azimuths].fill(cap);
+    }
+    out
+}
+
+/// Whether the row about the normal is one cap shared by all azimuths; its weights are kept in the first.
+fn has_cap(weights: &Weights, azimuths: usize) -> bool {
+    weights.coverage(0) > 0.0 && (1..azimuths).all(|k| weights.coverage(k) == 0.0)
+}
+
+/// `found` again for the cells that lean on one of the `hidden` pixels, from `pixels` as they are now; with each its share of hidden weight.
+#[must_use]
+pub(crate) fn cells_over(
+    weights: &Weights,
+    pixels: &[PixelValue],
+    bins: &Binning,
+    hidden: &[bool],
+    found: &[Option<Cell>],
+) -> Vec<(usize, Option<Cell>, f64)> {
+    let count = weights.bins() / 2;
+    let cap = has_cap(weights, bins.azimuths);
+    let mut out: Vec<(usize, Option<Cell>, f64)> = (0..found.len())
+        .into_par_iter()
+        .filter_map(|cell| {
+            if cap && (1..bins.azimuths).contains(&cell) {
+                return None;
+            }
+            let sides = [cell, count + cell];
+            let (mut under, mut all) = (0.0, 0.0);
+            for bin in sides {
+                for channel in 0..3 {
+                    let (list, ws) = weights.list(bin, channel);
+                    for (&p, &w) in list.iter().zip(ws) {
+                        all += f64::from(w.abs());
+                        under += if hidden[p as usize] { f64::from(w.abs()) } else { 0.0 };
+                    }
+                }
+            }
+            (under > 0.0).then(|| (cell, one(weights, pixels, sides, bins.min_coverage), under / all))
+        })
+        .collect();
+    if let Some(&(0, cell, share)) = out.first().filter(|_| cap) {
+        out.extend((1..bins.azimuths).map(|k| (k, cell, share)));
     }
     out
 }

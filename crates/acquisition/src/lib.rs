@@ -9,6 +9,7 @@
 
 pub mod bracket;
 pub mod cells;
+pub mod coat;
 pub mod dark;
 pub mod engine;
 pub mod error;
@@ -31,10 +32,11 @@ pub mod statistics;
 pub mod table;
 pub mod weights;
 
+pub use coat::{CoatFit, Gloss, Verdict};
 pub use engine::{Engine, Outcome, Phase, Progress, Setup};
 pub use error::AcquisitionError;
 pub use journal::Journal;
-pub use options::Options;
+pub use options::{ClearCoat, Options};
 pub use pixel_map::PixelMap;
 pub use reducer::Reducer;
 pub use reference::{WhiteBuilder, WhiteReference};

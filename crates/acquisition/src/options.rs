@@ -4,6 +4,31 @@ use gonio_brdf::Grid;
 
 use crate::error::AcquisitionError;
 
+/// What is done about a clear coat.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum ClearCoat {
+    /// Nothing: the table holds the surface as it is.
+    None,
+    /// Separated where its gloss is found.
+    #[default]
+    Auto,
+    /// Separated, and the base divided by 1 − F(θi) named as the one wanted.
+    SinglePass,
+    /// Separated, and the base divided by T(θi) T(θo)/n² named as the one wanted.
+    TwoWay,
+}
+
+impl ClearCoat {
+    /// The form of the base in the attributes of a table that was separated.
+    #[must_use]
+    pub const fn separated(self) -> &'static str {
+        match self {
+            Self::SinglePass => "single-pass",
+            Self::None | Self::Auto | Self::TwoWay => "two-way",
+        }
+    }
+}
+
 /// How raw frames become a table.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
@@ -24,6 +49,10 @@ pub struct Options {
     pub linearity: Vec<f64>,
     /// Whether holes are filled and grazing angles extrapolated.
     pub fill: bool,
+    /// Whether a clear coat is looked for and separated.
+    pub clear_coat: ClearCoat,
+    /// Refractive index of the coat where it is known; otherwise it is found from the gloss.
+    pub coat_index: Option<f64>,
 }
 
 impl Default for Options {
@@ -37,6 +66,8 @@ impl Default for Options {
             saturation: 0.9,
             linearity: vec![1.0],
             fill: true,
+            clear_coat: ClearCoat::Auto,
+            coat_index: None,
         }
     }
 }
@@ -58,6 +89,9 @@ impl Options {
         within("row_tolerance_deg", self.row_tolerance_deg, 0.0, 2.5, "0 to 2.5 degrees")?;
         within("angle_uncertainty_deg", self.angle_uncertainty_deg, 0.0, 5.0, "0 to 5 degrees")?;
         within("min_coverage", self.min_coverage, 0.05, 1.0, "0.05 to 1")?;
+        if let Some(index) = self.coat_index {
+            within("coat_index", index, 1.01, 3.0, "a refractive index of 1.01 to 3")?;
+        }
         within("saturation", self.saturation, 0.1, 0.99, "0.1 to 0.99")?;
         let [ni, no, np] = self.grid.shape();
         if ni == 0 || no < 2 || np < 2 {

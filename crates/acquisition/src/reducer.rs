@@ -4,16 +4,18 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use gonio_brdf::models::Coat;
 use gonio_brdf::{Flag, Measured};
 use gonio_instrument::{PoseRecord, SampleRecord};
 use gonio_optics::{Angle, Vec3, quadrature};
 
-use crate::cells::{Binning, cells};
+use crate::cells::{Binning, Cell, PixelValue, cells, cells_over, pixel_values};
+use crate::coat::{self, CoatFit, Gloss, Verdict};
 use crate::dark::{DarkFrames, DarkModel};
 use crate::error::AcquisitionError;
 use crate::fill::fill;
 use crate::merge::{check_frames, merge};
-use crate::options::Options;
+use crate::options::{ClearCoat, Options};
 use crate::pixel_map::{PixelMap, PoseView};
 use crate::reference::WhiteReference;
 use crate::row::Row;
@@ -31,6 +33,11 @@ pub struct Reducer {
     dark_frames: DarkFrames,
     dark: DarkModel,
     rows: Vec<Row>,
+    /// The same with the pixels of a gloss replaced by the base around it.
+    rows_without_gloss: Vec<Row>,
+    /// Largest share of a cell's weight that a gloss hid, over the whole grid.
+    hidden: Vec<f32>,
+    gloss: Vec<Gloss>,
     statistics: Vec<PoseStatistics>,
     /// View and weights of the last tilt: all its spins share them.
     last: Option<(i64, PoseView, Weights)>,
@@ -55,6 +62,9 @@ impl Reducer {
             dark_frames: DarkFrames::default(),
             dark: DarkModel::none(pixels),
             rows: vec![Row::default(); options.grid.theta_i_deg.len()],
+            rows_without_gloss: vec![Row::default(); options.grid.theta_i_deg.len()],
+            hidden: vec![0.0; options.grid.len()],
+            gloss: Vec::new(),
             statistics: Vec::new(),
             last: None,
             map,
@@ -116,24 +126,27 @@ impl Reducer {
         let light = Vec3::from_polar(view.theta_i, Angle::ZERO);
         let lights = quadrature::cone(light, self.map.description().lamp.half_angle(), 4);
         let mean_cos = lights.iter().map(|l| l.z.max(0.0)).sum::<f64>() / lights.len() as f64;
-        let found = cells(
-            &self.map,
-            view,
-            weights,
-            &merged,
-            &self.white,
-            &Binning {
-                mean_cos_i: mean_cos.max(gonio_optics::COS_FLOOR),
-                azimuths: self.options.grid.phi_deg.len(),
-                min_coverage: self.options.min_coverage,
-            },
-        );
+        let mean_cos = mean_cos.max(gonio_optics::COS_FLOOR);
+        let bins = Binning {
+            azimuths: self.options.grid.phi_deg.len(),
+            min_coverage: self.options.min_coverage,
+        };
+        let mut pixels = pixel_values(&self.map, view, &merged, &self.white, mean_cos);
+        let found = cells(weights, &pixels, &bins);
         // two thousandths of a degree are the encoders' rounding
-        self.rows[ti].add(
-            &found,
-            Angle::from_degrees(if off < 2e-3 { 0.0 } else { off }),
-            merged.lamp_relative,
-        );
+        let off = Angle::from_degrees(if off < 2e-3 { 0.0 } else { off });
+        self.rows[ti].add(&found, off, merged.lamp_relative);
+        if self.options.clear_coat != ClearCoat::None {
+            let without = {
+                let hidden = coat::gloss::find(&self.map, view, &pixels, light, mean_cos);
+                let first = self.options.grid.index(ti, 0, 0);
+                let share = &mut self.hidden[first..first + found.len()];
+                let out = without_gloss(weights, &mut pixels, &bins, &hidden, &found, share);
+                self.gloss.extend(hidden.gloss);
+                out
+            };
+            self.rows_without_gloss[ti].add(&without, off, merged.lamp_relative);
+        }
         self.statistics.push(PoseStatistics::new(record, theta_i, &merged, &found, &self.options));
         Ok(self.statistics.last())
     }
@@ -155,20 +168,42 @@ impl Reducer {
         &self.statistics
     }
 
+    /// What each pose showed at the mirror direction, in the order they came; empty where no coat is looked for.
+    #[must_use]
+    pub fn gloss(&self) -> &[Gloss] {
+        &self.gloss
+    }
+
+    /// Whether there is a coat to separate, as far as the poses tell.
+    #[must_use]
+    pub fn coat(&self) -> Verdict {
+        let found = match self.options.clear_coat {
+            ClearCoat::None => return Verdict::None("not looked for".to_owned()),
+            _ => coat::index::judge(&self.gloss, self.white.certificate_uncertainty),
+        };
+        match self.options.coat_index {
+            Some(index) => Verdict::Coat(CoatFit {
+                index,
+                index_sigma: 0.0,
+                ..match found {
+                    Verdict::Coat(fit) => fit,
+                    Verdict::None(_) => CoatFit::of_index(index),
+                }
+            }),
+            None => found,
+        }
+    }
+
     /// What is measured so far: holes are invalid, nothing is filled. Cheap enough for every capture.
     #[must_use]
     pub fn snapshot(&self) -> Measured {
-        self.table().0
+        self.table(false).0
     }
 
     /// The table with holes filled and its attributes. More poses may follow.
     #[must_use]
     pub fn finish(&self) -> Measured {
-        let (mut m, budget) = self.table();
-        let measured = m.flag.iter().filter(|f| **f == Flag::Measured).count();
-        if self.options.fill {
-            fill(&mut m, self.options.limit_deg);
-        }
+        let (mut m, budget, measured) = self.table(self.options.fill);
         m.attributes = self.attributes(&budget, measured);
         m
     }
@@ -176,16 +211,38 @@ impl Reducer {
     /// Where the uncertainty of the measured cells comes from.
     #[must_use]
     pub fn budget(&self) -> Budget {
-        self.table().1
+        self.table(false).1
     }
 
-    fn table(&self) -> (Measured, Budget) {
+    /// The table, its budget, and the number of measured cells.
+    fn table(&self, filling: bool) -> (Measured, Budget, usize) {
         let common = Common {
             certificate: self.white.certificate_uncertainty,
             angle: Angle::from_degrees(self.options.angle_uncertainty_deg),
             lamp_half_angle: self.map.description().lamp.half_angle(),
         };
-        assemble(&self.options.grid, &self.rows, &common, self.options.limit_deg)
+        let measured = |m: &Measured| m.flag.iter().filter(|f| **f == Flag::Measured).count();
+        let limit = self.options.limit_deg;
+        let Verdict::Coat(fit) = self.coat() else {
+            let (mut m, budget) = assemble(&self.options.grid, &self.rows, &common, limit);
+            let count = measured(&m);
+            if filling {
+                fill(&mut m, limit);
+            }
+            return (m, budget, count);
+        };
+        let (mut m, budget) = assemble(&self.options.grid, &self.rows_without_gloss, &common, limit);
+        coat::separate::flag_hidden(&mut m, &self.hidden);
+        let count = measured(&m);
+        let index = Coat { index: fit.index };
+        if filling && coat::flake_fill::fill(&mut m, &index, limit).is_err() {
+            fill(&mut m, limit);
+        }
+        let [two_way, single_pass] = coat::separate::bases(&m, &index);
+        m.base = Some(two_way);
+        m.base_single_pass = Some(single_pass);
+        coat::separate::add_gloss(&mut m, &fit, common.lamp_half_angle);
+        (m, budget, count)
     }
 
     fn attributes(&self, budget: &Budget, measured: usize) -> BTreeMap<String, String> {
@@ -212,7 +269,27 @@ impl Reducer {
             "phi = 0 on the light's side, 180 on the mirror side; linear RGB of the camera's channels"
                 .to_owned(),
         );
-        put("clear_coat", "none".to_owned());
+        match self.coat() {
+            Verdict::Coat(fit) => {
+                put("clear_coat", o.clear_coat.separated().to_owned());
+                put("coat_index", format!("{}", fit.index));
+                put("coat_index_uncertainty", format!("{:.2e}", fit.index_sigma));
+                put("coat_r0", format!("{}", fit.r0()));
+                put("coat_poses", format!("{}", fit.poses));
+                put("coat_gloss_ratio", format!("{:.5}", fit.ratio));
+                put("coat_gloss_misfit", format!("{:.2e}", fit.misfit));
+                put(
+                    "coat_note",
+                    "brdf is the total; brdf_base is two-way (divided by T(theta_i) T(theta_o)/n^2), brdf_base_single_pass divided by \
+                     1 - F(theta_i). No inter-reflection inside the coat is modelled: pi brdf_base may exceed 1"
+                        .to_owned(),
+                );
+            }
+            Verdict::None(why) => {
+                put("clear_coat", "none".to_owned());
+                put("clear_coat_why", why);
+            }
+        }
         put("limit_deg", format!("{}", o.limit_deg));
         put("angle_uncertainty_deg", format!("{}", o.angle_uncertainty_deg));
         put("min_coverage", format!("{}", o.min_coverage));
@@ -229,4 +306,33 @@ impl Reducer {
         put("uncertainty_budget_relative_rms", parts.join(", "));
         a
     }
+}
+
+/// The cells with the pixels under a gloss replaced by the base around it; `share` takes how much of each cell they were.
+fn without_gloss(
+    weights: &Weights,
+    pixels: &mut [PixelValue],
+    bins: &Binning,
+    hidden: &coat::gloss::Hidden,
+    found: &[Option<Cell>],
+    share: &mut [f32],
+) -> Vec<Option<Cell>> {
+    let mut without = found.to_vec();
+    if hidden.pixels.is_empty() {
+        return without;
+    }
+    let mut under = vec![false; pixels.len()];
+    for (&p, &f) in hidden.pixels.iter().zip(&hidden.base) {
+        under[p as usize] = true;
+        pixels[p as usize] = PixelValue { f, shot: 0.0, read: 0.0, dark: 0.0, reference: 0.0 };
+    }
+    let sigma = hidden.gloss.as_ref().map_or([0.0; 3], |g| g.base_sigma);
+    for (cell, value, part) in cells_over(weights, pixels, bins, &under, found) {
+        without[cell] = value.map(|mut v| {
+            v.coat = sigma.map(|s| (part * s).powi(2));
+            v
+        });
+        share[cell] = share[cell].max(part as f32);
+    }
+    without
 }

@@ -20,8 +20,8 @@ struct Sums {
     square: [f64; 3],
     /// Shot and read: independent from pose to pose.
     noise: [[f64; 3]; 2],
-    /// Dark and white reference: the same pixels' errors at every pose of the row.
-    common: [[f64; 3]; 2],
+    /// Dark, white reference, base under a gloss: the same errors at every pose of the row.
+    common: [[f64; 3]; 3],
     off_centre: f64,
 }
 
@@ -30,8 +30,8 @@ struct Sums {
 pub struct RowCell {
     /// f in 1/sr.
     pub value: [f64; 3],
-    /// Shot, read, dark, white reference pixels, flakes.
-    pub parts: [[f64; 3]; 5],
+    /// Shot, read, dark, white reference pixels, flakes, base under a gloss.
+    pub parts: [[f64; 3]; 6],
     /// How far the part seen lies from the bin's centroid, radians.
     pub off_centre_rad: f64,
 }
@@ -54,6 +54,7 @@ impl Row {
                 s.noise[1][k] += c.read[k];
                 s.common[0][k] += c.dark[k];
                 s.common[1][k] += c.reference[k];
+                s.common[2][k] += c.coat[k];
             }
         }
     }
@@ -89,6 +90,7 @@ impl Row {
             out.parts[1][k] = s.noise[1][k] / (n * n);
             out.parts[2][k] = s.common[0][k] / n;
             out.parts[3][k] = s.common[1][k] / n;
+            out.parts[5][k] = s.common[2][k] / n;
             if s.n > 1 {
                 // variance of the mean over spins, beyond what noise explains
                 let spread = (s.square[k] - n * mean * mean).max(0.0) / (n - 1.0) / n;

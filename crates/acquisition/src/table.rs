@@ -9,13 +9,14 @@ use gonio_optics::Angle;
 use crate::row::{Row, RowCell};
 
 /// Names of the parts of σ, in the order of [`Budget`].
-pub const PARTS: [&str; 8] = ["shot", "read", "dark", "reference", "flakes", "certificate", "lamp", "angle"];
+pub const PARTS: [&str; 9] =
+    ["shot", "read", "dark", "reference", "flakes", "coat", "certificate", "lamp", "angle"];
 
 /// Mean relative variance of the measured cells, part by part, as [`PARTS`] names them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Budget {
     /// Root mean square of σ_part / f over measured cells with f > 0 (all channels).
-    pub relative: [f64; 8],
+    pub relative: [f64; 9],
     /// Cells counted, times three.
     pub count: u64,
 }
@@ -50,13 +51,13 @@ pub fn assemble(grid: &Grid, rows: &[Row], common: &Common, limit_deg: f64) -> (
             out.flag[index] = Flag::Measured;
             for c in 0..3 {
                 let f = cell.value[c];
-                let mut parts = [0.0; 8];
+                let mut parts = [0.0; 9];
                 for (part, v) in parts.iter_mut().zip(cell.parts) {
                     *part = v[c];
                 }
-                parts[5] = (common.certificate * f).powi(2);
-                parts[6] = (row.lamp_relative() * f).powi(2);
-                parts[7] = (angle2 + cell.off_centre_rad.powi(2)) * slope2[c];
+                parts[6] = (common.certificate * f).powi(2);
+                parts[7] = (row.lamp_relative() * f).powi(2);
+                parts[8] = (angle2 + cell.off_centre_rad.powi(2)) * slope2[c];
                 out.values[index][c] = f as f32;
                 out.sigma[index][c] = parts.iter().sum::<f64>().sqrt() as f32;
                 if f > 0.0 {

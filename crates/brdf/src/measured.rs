@@ -61,6 +61,8 @@ pub struct Measured {
     pub flag: Vec<Flag>,
     /// Base coat under a clear coat (two-way form), where it was separated.
     pub base: Option<Vec<[f32; 3]>>,
+    /// The same in single-pass form (Sopp 4.20: divided by 1 − F(θi)), not reciprocal.
+    pub base_single_pass: Option<Vec<[f32; 3]>>,
     /// Node values for renderers, where they were derived from cell means.
     pub node: Option<Vec<[f32; 3]>>,
     /// Parts of `sigma` kept apart (shot, reference, flakes, …), by name.
@@ -81,6 +83,7 @@ impl Measured {
             sigma: vec![[0.0; 3]; n],
             flag: vec![Flag::Invalid; n],
             base: None,
+            base_single_pass: None,
             node: None,
             sigma_parts: BTreeMap::new(),
             attributes: BTreeMap::new(),

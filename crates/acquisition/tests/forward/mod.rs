@@ -82,6 +82,31 @@ pub fn rates(d: &Description, brdf: &dyn Brdf, pose: Pose, gain: f64) -> Vec<f64
         .collect()
 }
 
+/// What the gloss of a coat adds to [`rates`]: the lamp's mirror image, F(θi)/Ω_lamp inside it, by 12 × 12 places a pixel.
+pub fn gloss_rates(d: &Description, index: f64, pose: Pose, gain: f64) -> Vec<f64> {
+    let lamp = Vec3::from(d.lamp.direction).normalized();
+    let axis = Vec3::from(d.holder.tilt_axis).normalized();
+    let n = Rotation::about_axis(axis, pose.tilt).apply(Vec3::from(d.holder.normal_at_zero).normalized());
+    let mirror = n * (2.0 * n.dot(lamp)) - lamp;
+    let alpha = d.lamp.half_angle();
+    let level = gonio_optics::fresnel::dielectric(n.dot(lamp), index)
+        / (std::f64::consts::PI * alpha.sin().powi(2));
+    let (w, h) = (d.camera.size[0], d.camera.size[1]);
+    (0..w * h)
+        .map(|p| {
+            let (u, v) = (f64::from(p % w), f64::from(p / w));
+            if direction(d, u + 0.5, v + 0.5).angle_to(mirror).degrees() > alpha.degrees() + 6.0 {
+                return 0.0;
+            }
+            let places = (0..144).map(|k| (f64::from(k % 12) + 0.5, f64::from(k / 12) + 0.5));
+            let inside = places
+                .filter(|(x, y)| direction(d, u + x / 12.0, v + y / 12.0).angle_to(mirror) <= alpha)
+                .count();
+            gain * level * inside as f64 / 144.0
+        })
+        .collect()
+}
+
 /// A raw frame of these rates; `noise` off gives the rounded expectation.
 pub fn frame(
     d: &Description,
@@ -125,7 +150,18 @@ pub fn record(
     exposures_s: &[f64],
     noise: &mut Option<Noise>,
 ) -> PoseRecord {
-    let rates = rates(d, brdf, pose, gain);
+    record_of(d, &rates(d, brdf, pose, gain), index, pose, exposures_s, noise)
+}
+
+/// A pose of given rates taken at these exposures with the shutter open.
+pub fn record_of(
+    d: &Description,
+    rates: &[f64],
+    index: u32,
+    pose: Pose,
+    exposures_s: &[f64],
+    noise: &mut Option<Noise>,
+) -> PoseRecord {
     let exposures = exposures_s
         .iter()
         .enumerate()
@@ -133,7 +169,7 @@ pub fn record(
             // a lamp that drifts
             let lamp = 1.0 + 0.001 * f64::from(index) + 1e-4 * k as f64;
             Exposure {
-                frame: frame(d, &rates, t, lamp, 100 * u64::from(index) + k as u64, noise),
+                frame: frame(d, rates, t, lamp, 100 * u64::from(index) + k as u64, noise),
                 lamp_monitor: lamp,
                 shutter_open: true,
             }

@@ -41,6 +41,7 @@ pub fn read(bytes: &[u8]) -> Result<Measured, Problem> {
     };
     let sigma = optional("sigma")?.unwrap_or_else(|| vec![[0.0; 3]; n]);
     let base = optional("brdf_base")?;
+    let base_single_pass = optional("brdf_base_single_pass")?;
     let node = optional("brdf_node")?;
     let mut sigma_parts = BTreeMap::new();
     for v in &file.variables {
@@ -63,7 +64,7 @@ pub fn read(bytes: &[u8]) -> Result<Measured, Problem> {
         .filter(|a| !a.name.starts_with(OURS) && !RESERVED.contains(&a.name.as_str()))
         .map(|a| (a.name.clone(), plain(a)))
         .collect();
-    Ok(Measured { grid, meaning, values, sigma, flag, base, node, sigma_parts, attributes })
+    Ok(Measured { grid, meaning, values, sigma, flag, base, base_single_pass, node, sigma_parts, attributes })
 }
 
 /// Text of an attribute, numbers joined by spaces.

@@ -19,6 +19,7 @@ fn table() -> Measured {
         m.flag[i] = [Flag::Measured, Flag::Filled, Flag::Extrapolated, Flag::Invalid][i % 4];
     }
     m.base = Some(vec![[0.25; 3]; n]);
+    m.base_single_pass = Some(vec![[0.125; 3]; n]);
     m.node = Some(vec![[0.5; 3]; n]);
     m.sigma_parts.insert("shot".to_owned(), vec![[0.125; 3]; n]);
     m.attributes.insert("sample_id".to_owned(), "Prüfblech 7".to_owned());

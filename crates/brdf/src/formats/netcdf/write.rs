@@ -69,6 +69,7 @@ fn check(table: &Measured) -> Result<(), Problem> {
 fn arrays(table: &Measured) -> Vec<(String, &[[f32; 3]])> {
     let mut out = vec![("brdf".to_owned(), table.values.as_slice()), ("sigma".to_owned(), &table.sigma)];
     out.extend(table.base.iter().map(|v| ("brdf_base".to_owned(), v.as_slice())));
+    out.extend(table.base_single_pass.iter().map(|v| ("brdf_base_single_pass".to_owned(), v.as_slice())));
     out.extend(table.node.iter().map(|v| ("brdf_node".to_owned(), v.as_slice())));
     out.extend(table.sigma_parts.iter().map(|(k, v)| (format!("{PART}{k}"), v.as_slice())));
     out
@@ -79,6 +80,7 @@ fn long_name(variable: &str) -> String {
         "brdf" => "bidirectional reflectance distribution function, without the cosine".to_owned(),
         "sigma" => "standard uncertainty of brdf (k = 1), all parts".to_owned(),
         "brdf_base" => "base coat under the clear coat, two-way form".to_owned(),
+        "brdf_base_single_pass" => "base coat under the clear coat, single-pass form, not reciprocal".to_owned(),
         "brdf_node" => "brdf at the nodes, derived from the cell means".to_owned(),
         part => format!("standard uncertainty of brdf (k = 1), part {}", part.trim_start_matches(PART)),
     }

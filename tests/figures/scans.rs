@@ -4,7 +4,7 @@ use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::sync::{LazyLock, Mutex};
 
-use gonio::arguments::{Kind, ScanArguments, VirtualArguments};
+use gonio::arguments::{CoatArguments, Kind, ScanArguments, VirtualArguments};
 use gonio::commands::scan::{Scanned, scan};
 use gonio_brdf::formats::{self, Loaded};
 use gonio_brdf::models::AshikhminShirleySimplified;
@@ -44,6 +44,7 @@ fn arguments(truth: &Path, output: &Path, seed: u64, reference: Vec<PathBuf>) ->
         note: String::new(),
         output: output.to_owned(),
         fit: Some("ashikhmin-shirley-simplified".to_owned()),
+        coat: CoatArguments::default(),
         resume: false,
         force: true,
         simulated: VirtualArguments {

@@ -127,10 +127,8 @@ impl Reducer {
         let lights = quadrature::cone(light, self.map.description().lamp.half_angle(), 4);
         let mean_cos = lights.iter().map(|l| l.z.max(0.0)).sum::<f64>() / lights.len() as f64;
         let mean_cos = mean_cos.max(gonio_optics::COS_FLOOR);
-        let bins = Binning {
-            azimuths: self.options.grid.phi_deg.len(),
-            min_coverage: self.options.min_coverage,
-        };
+        let bins =
+            Binning { azimuths: self.options.grid.phi_deg.len(), min_coverage: self.options.min_coverage };
         let mut pixels = pixel_values(&self.map, view, &merged, &self.white, mean_cos);
         let found = cells(weights, &pixels, &bins);
         // two thousandths of a degree are the encoders' rounding

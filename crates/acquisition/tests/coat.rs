@@ -114,7 +114,11 @@ fn a_coat_is_found_with_its_index_and_the_base_comes_out_as_it_is() {
         ("measured", &|_, f| f == Flag::Measured, 0.3),
         ("filled", &|_, f| f == Flag::Filled, 0.6),
         ("75-85", &|c: [usize; 3], f| f == Flag::Extrapolated && m.grid.theta_o_deg[c[1]] <= 85.0, 1.0),
-        ("85-90", &|c: [usize; 3], f| f == Flag::Extrapolated && m.grid.theta_o_deg[c[1]] > 85.0, f64::INFINITY),
+        (
+            "85-90",
+            &|c: [usize; 3], f| f == Flag::Extrapolated && m.grid.theta_o_deg[c[1]] > 85.0,
+            f64::INFINITY,
+        ),
     ];
     for (name, pick, bound) in zones {
         let (mean, max, n) = differences(&m, &through, pick);

@@ -187,6 +187,30 @@ pub struct VirtualArguments {
     pub time_scale: f64,
 }
 
+/// What is done about a clear coat.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ClearCoatName {
+    /// Left in: the table holds the surface as it is
+    None,
+    /// Separated where its gloss is found
+    Auto,
+    /// Separated; the base divided by 1 − F(θi) is the one wanted
+    SinglePass,
+    /// Separated; the base divided by T(θi) T(θo)/n² is the one wanted
+    TwoWay,
+}
+
+/// Settings about a clear coat, for scans and replays.
+#[derive(Clone, Copy, Debug, Default, Args)]
+pub struct CoatArguments {
+    /// Clear coat; `auto` separates it where its gloss is found. A replay takes what the scan was told
+    #[arg(long, value_enum)]
+    pub clear_coat: Option<ClearCoatName>,
+    /// Refractive index of the coat where it is known; else it is found from the gloss
+    #[arg(long, value_name = "N")]
+    pub coat_index: Option<f64>,
+}
+
 /// `gonio scan`.
 #[derive(Debug, Args)]
 pub struct ScanArguments {
@@ -235,6 +259,9 @@ pub struct ScanArguments {
     /// Write S.nc, S.model.json and S.report.html after each capture and at the end
     #[arg(long, num_args = 0..=1, default_missing_value = "auto", require_equals = true, value_name = "MODEL")]
     pub fit: Option<String>,
+    /// Clear coat
+    #[command(flatten)]
+    pub coat: CoatArguments,
     /// Go on with an interrupted session
     #[arg(long)]
     pub resume: bool,
@@ -263,6 +290,9 @@ pub struct ReplayArguments {
     /// Fit a model too
     #[arg(long, num_args = 0..=1, default_missing_value = "auto", require_equals = true, value_name = "MODEL")]
     pub fit: Option<String>,
+    /// Clear coat
+    #[command(flatten)]
+    pub coat: CoatArguments,
     /// Use references that are expired or of another instrument; recorded in the result
     #[arg(long)]
     pub accept_stale: bool,

@@ -4,6 +4,7 @@
 //! tests) that knows both the simulator and the driver.
 
 pub mod arguments;
+pub mod coat;
 pub mod commands;
 pub mod continuing;
 pub mod control;

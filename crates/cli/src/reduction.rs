@@ -113,8 +113,12 @@ pub fn references_of(session_path: &Path, session: &Session, named: &[PathBuf]) 
 ///
 /// # Errors
 /// [`Failure::Failed`] for settings outside their range.
-pub fn reducer(calibrated: &Calibrated, sample: &SampleRecord) -> Result<Reducer, Failure> {
-    Reducer::new(calibrated.map.clone(), calibrated.white.clone(), sample.clone(), Options::default())
+pub fn reducer(
+    calibrated: &Calibrated,
+    sample: &SampleRecord,
+    options: &Options,
+) -> Result<Reducer, Failure> {
+    Reducer::new(calibrated.map.clone(), calibrated.white.clone(), sample.clone(), options.clone())
         .map_err(|e| Failure::failed("the reduction cannot begin", e))
 }
 
@@ -135,10 +139,11 @@ pub struct Reduced {
 pub fn reduce(
     session: &Session,
     calibrated: &Calibrated,
+    options: &Options,
     mut seen: impl FnMut(usize, usize),
 ) -> Result<Reduced, Failure> {
     let sample = session.sample().map_err(Failure::usage)?;
-    let mut reducer = reducer(calibrated, &sample)?;
+    let mut reducer = reducer(calibrated, &sample, options)?;
     let mut lost = calibrated.lost.clone();
     let total = session.pose_indices().count();
     for (k, pose) in session.poses().enumerate() {

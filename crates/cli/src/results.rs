@@ -110,6 +110,8 @@ pub struct Story<'a> {
     pub link: Option<LinkStatistics>,
     /// Stage and camera in words.
     pub devices: Vec<Fact>,
+    /// What was found of a clear coat.
+    pub coat: Option<Section>,
     /// Poses that are missing, in words.
     pub lost: &'a [String],
 }
@@ -145,6 +147,7 @@ pub fn write_so_far(
         poses: reducer.statistics(),
         link: None,
         devices: Vec::new(),
+        coat: None,
         lost: &["the scan is still running".to_owned()],
     };
     let report = report::build(None, Some(&fit), background(&story, &table));
@@ -176,7 +179,7 @@ fn background(story: &Story<'_>, table: &Measured) -> Background {
         }
     }
     facts.extend(story.devices.iter().cloned());
-    let mut sections = Vec::new();
+    let mut sections: Vec<Section> = story.coat.iter().cloned().collect();
     if !story.poses.is_empty() {
         sections.push(pose_section(story.poses));
     }

@@ -63,11 +63,8 @@ pub enum Verdict {
 #[must_use]
 pub fn judge(found: &[Gloss], certificate: f64) -> Verdict {
     let all: Vec<&Gloss> = found.iter().filter(|g| g.reflectance.is_some()).collect();
-    let seeing: Vec<&Gloss> = all
-        .iter()
-        .copied()
-        .filter(|g| g.reflectance.is_some_and(|f| f > SEEN * g.sigma))
-        .collect();
+    let seeing: Vec<&Gloss> =
+        all.iter().copied().filter(|g| g.reflectance.is_some_and(|f| f > SEEN * g.sigma)).collect();
     if found.is_empty() {
         return Verdict::None("no pose shows the mirror direction".to_owned());
     }
@@ -111,9 +108,8 @@ fn fit(found: &[&Gloss], certificate: f64) -> CoatFit {
             Some((g.theta_i.cos(), f, g.sigma.hypot(OWN_ERROR * f)))
         })
         .collect();
-    let squares = |n: f64| -> f64 {
-        rows.iter().map(|&(c, f, s)| ((f - fresnel::dielectric(c, n)) / s).powi(2)).sum()
-    };
+    let squares =
+        |n: f64| -> f64 { rows.iter().map(|&(c, f, s)| ((f - fresnel::dielectric(c, n)) / s).powi(2)).sum() };
     let step = |k: usize| INDEX.0 * (INDEX.1 / INDEX.0).powf(k as f64 / 200.0);
     let best = (0..=200).min_by(|&a, &b| squares(step(a)).total_cmp(&squares(step(b)))).unwrap_or(0);
     let index = golden(step(best.saturating_sub(1)), step((best + 1).min(200)), squares);

@@ -167,9 +167,8 @@ mod tests {
 
     #[test]
     fn too_few_points_and_a_line_of_points_determine_nothing() {
-        let line: Vec<Point> = (0..100)
-            .map(|k| Point { x: f64::from(k) / 100.0, y: 0.0, f: 1.0, variance: 1e-6 })
-            .collect();
+        let line: Vec<Point> =
+            (0..100).map(|k| Point { x: f64::from(k) / 100.0, y: 0.0, f: 1.0, variance: 1e-6 }).collect();
         assert!(LocalBase::fit(&line).is_none());
         assert!(LocalBase::fit(&line[..10]).is_none());
     }

@@ -89,8 +89,8 @@ pub fn gloss_rates(d: &Description, index: f64, pose: Pose, gain: f64) -> Vec<f6
     let n = Rotation::about_axis(axis, pose.tilt).apply(Vec3::from(d.holder.normal_at_zero).normalized());
     let mirror = n * (2.0 * n.dot(lamp)) - lamp;
     let alpha = d.lamp.half_angle();
-    let level = gonio_optics::fresnel::dielectric(n.dot(lamp), index)
-        / (std::f64::consts::PI * alpha.sin().powi(2));
+    let level =
+        gonio_optics::fresnel::dielectric(n.dot(lamp), index) / (std::f64::consts::PI * alpha.sin().powi(2));
     let (w, h) = (d.camera.size[0], d.camera.size[1]);
     (0..w * h)
         .map(|p| {

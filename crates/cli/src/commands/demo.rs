@@ -6,7 +6,7 @@ use gonio_brdf::models::AshikhminShirleySimplified;
 use gonio_brdf::{Model, ModelFile};
 use serde_json::json;
 
-use crate::arguments::{DemoArguments, Kind, ScanArguments, VirtualArguments};
+use crate::arguments::{CoatArguments, DemoArguments, Kind, ScanArguments, VirtualArguments};
 use crate::outcome::{Failure, Outcome};
 use crate::output::{Printer, check_free, shown, write_whole};
 use crate::{fitting, rig, signals};
@@ -45,6 +45,7 @@ pub fn run(a: &DemoArguments, printer: Printer) -> Result<Outcome, Failure> {
         note: "virtual".to_owned(),
         output: session.clone(),
         fit: Some("ashikhmin-shirley-simplified".to_owned()),
+        coat: CoatArguments::default(),
         resume: false,
         force: a.force,
         simulated: VirtualArguments {

@@ -10,7 +10,7 @@ use crate::arguments::ReplayArguments;
 use crate::outcome::{Failure, Outcome};
 use crate::output::{Printer, check_apart, check_free, shown};
 use crate::results::{self, Files, Story};
-use crate::{fitting, progress, reduction, rig};
+use crate::{coat, fitting, progress, reduction, rig};
 
 /// Reduces a session with the same code as a live scan: the same settings give the same bytes.
 ///
@@ -28,6 +28,7 @@ pub fn run(a: &ReplayArguments, printer: Printer) -> Result<Outcome, Failure> {
         None => session.instrument().map_err(Failure::usage)?,
     };
     let sample = session.sample().map_err(Failure::usage)?;
+    let options = coat::options(&a.coat, session.provenance().ok().as_ref())?;
     let inputs: Vec<&Path> =
         session.files().chain(a.reference.iter().map(std::path::PathBuf::as_path)).collect();
     check_apart(&a.output, &inputs)?;
@@ -36,15 +37,17 @@ pub fn run(a: &ReplayArguments, printer: Printer) -> Result<Outcome, Failure> {
     let day = reduction::day_of(&session);
     let calibrated = reduction::calibrate(&references, &instrument, &day, a.accept_stale)?;
     let bar = progress::bar("replay", session.pose_indices().count() as u64);
-    let reduced = reduction::reduce(&session, &calibrated, |k, _| bar.set_position(k as u64))?;
+    let reduced = reduction::reduce(&session, &calibrated, &options, |k, _| bar.set_position(k as u64))?;
     bar.finish_and_clear();
+    coat::insist(&a.coat, &reduced.reducer)?;
     results::write_table(&files.table, &reduced.table)?;
     let mut text = format!(
-        "{} of {} poses, reference {}; written to {}\n",
+        "{} of {} poses, reference {}; written to {}\n{}\n",
         reduced.reducer.statistics().len(),
         session.pose_indices().count(),
         calibrated.session.display(),
-        a.output.display()
+        a.output.display(),
+        coat::line(&reduced.reducer),
     );
     let mut fitted = None;
     if let Some(model) = &a.fit {
@@ -55,6 +58,7 @@ pub fn run(a: &ReplayArguments, printer: Printer) -> Result<Outcome, Failure> {
             poses: reduced.reducer.statistics(),
             link: None,
             devices: vec![Fact::new("replayed from", a.session.display().to_string())],
+            coat: coat::section(&reduced.reducer),
             lost: &reduced.lost,
         };
         results::write_all(&files, &reduced.table, &fit, &story)?;
@@ -65,7 +69,7 @@ pub fn run(a: &ReplayArguments, printer: Printer) -> Result<Outcome, Failure> {
         &text,
         &json!({
             "session": shown(&a.session), "output": shown(&a.output), "poses": reduced.reducer.statistics(), "lost": reduced.lost,
-            "reference": shown(&calibrated.session), "fit": fitted,
+            "reference": shown(&calibrated.session), "coat": coat::to_json(&reduced.reducer), "fit": fitted,
         }),
     );
     if reduced.lost.is_empty() { Ok(Outcome::Done) } else { Ok(Outcome::WithLoss(reduced.lost.join("; "))) }

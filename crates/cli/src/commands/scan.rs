@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::sync_channel;
 
-use gonio_acquisition::{PixelMap, Reducer, reference_plan};
+use gonio_acquisition::{Options, PixelMap, Reducer, reference_plan};
 use gonio_brdf::Measured;
 use gonio_fitter::Fit;
 use gonio_instrument::{Cancel, Certificate, Description, Plan, PoseRecord, SampleRecord, ScanKind};
@@ -14,6 +14,7 @@ use gonio_sim::firmware::Faults;
 use serde_json::json;
 
 use crate::arguments::ScanArguments;
+use crate::coat::{self, Told};
 use crate::control::{Control, ScanState};
 use crate::outcome::{Failure, Outcome};
 use crate::output::{Printer, beside, check_free, read_text, shown};
@@ -34,6 +35,8 @@ pub struct Scanned {
     pub fit: Option<Fit>,
     /// Files beside the session, with `--fit`.
     pub files: Option<Files>,
+    /// What was found of a clear coat, with `--fit`.
+    pub coat: Option<Told>,
     /// What the table is without, in words: poses of sample or reference that could not be used.
     pub lost: Vec<String>,
 }
@@ -62,6 +65,7 @@ pub fn run(a: &ScanArguments, printer: Printer) -> Result<Outcome, Failure> {
     let mut text = format!("{} of {} poses in {}\n", r.poses_done, r.poses_total, a.output.display());
     if let (Some(fit), Some(files)) = (&scanned.fit, &scanned.files) {
         text += &format!("{} ({})\n{}", fit.model.name(), fit.status.name(), fitting::parameter_lines(fit));
+        text += &scanned.coat.iter().map(|c| format!("{}\n", c.line)).collect::<String>();
         text += &format!("report: {}\n", files.report.display());
     }
     let verdict = scanned.verdict(&a.output);
@@ -71,6 +75,7 @@ pub fn run(a: &ScanArguments, printer: Printer) -> Result<Outcome, Failure> {
             "session": shown(&a.output), "kind": ScanKind::from(a.kind).name(), "poses_done": r.poses_done,
             "poses_total": r.poses_total, "frames": r.frames, "link": r.link,
             "complete": matches!(verdict, Ok(Outcome::Done)),
+            "coat": scanned.coat.as_ref().map(|c| &c.json),
             "fit": scanned.fit.as_ref().map(Fit::to_json),
             "files": scanned.files.as_ref().map(Files::to_json),
         }),
@@ -118,6 +123,9 @@ pub fn scan(a: &ScanArguments, cancel: &Cancel) -> Result<Scanned, Failure> {
             return Err(Failure::usage(format!("--fit goes with --kind sample, not with {}", kind.name())));
         }
     }
+    let recorded =
+        if a.resume { Session::open(&a.output).ok().and_then(|s| s.provenance().ok()) } else { None };
+    let options = coat::options(&a.coat, recorded.as_ref())?;
     let map = PixelMap::new(&instrument);
     let plan = match (kind, &a.plan) {
         (ScanKind::White, None) => reference_plan::white_plan(&map, &plan),
@@ -143,6 +151,7 @@ pub fn scan(a: &ScanArguments, cancel: &Cancel) -> Result<Scanned, Failure> {
     };
     let certificate = certificate(a, kind, simulated.is_some())?;
     let mut provenance = provenance(a, simulated.as_ref());
+    coat::record(&a.coat, &mut provenance);
     if let Some(reference) = &reference {
         provenance.insert("reference".to_owned(), relative(reference, &a.output));
     }
@@ -170,13 +179,14 @@ pub fn scan(a: &ScanArguments, cancel: &Cancel) -> Result<Scanned, Failure> {
             (Some(calibrated), Some(model)) => conclude(
                 &job,
                 recorded,
-                reduction::reducer(calibrated, &job.sample)?,
+                reduction::reducer(calibrated, &job.sample, &options)?,
                 calibrated.lost.clone(),
                 calibrated,
+                &options,
                 model,
                 &files,
             ),
-            _ => Ok(Scanned { recorded, fit: None, files: None, lost: Vec::new() }),
+            _ => Ok(Scanned { recorded, fit: None, files: None, coat: None, lost: Vec::new() }),
         };
     }
     let mut rig = Rig::open(&a.device, &a.camera, &instrument, &plan, kind, simulated.as_ref())?;
@@ -191,11 +201,11 @@ pub fn scan(a: &ScanArguments, cancel: &Cancel) -> Result<Scanned, Failure> {
         .ok();
     match (&calibrated, &a.fit) {
         (Some(calibrated), Some(model)) => {
-            with_fit(&job, &mut rig, &map, cancel, control.as_ref(), calibrated, model, &files)
+            with_fit(&job, &mut rig, &map, cancel, control.as_ref(), calibrated, &options, model, &files)
         }
         _ => {
             let recorded = scanning::record(&job, &mut rig, &map, cancel, control.as_ref(), &mut |_| {})?;
-            Ok(Scanned { recorded, fit: None, files: None, lost: Vec::new() })
+            Ok(Scanned { recorded, fit: None, files: None, coat: None, lost: Vec::new() })
         }
     }
 }
@@ -209,10 +219,11 @@ fn with_fit(
     cancel: &Cancel,
     control: Option<&Control>,
     calibrated: &Calibrated,
+    options: &Options,
     model: &str,
     files: &Files,
 ) -> Result<Scanned, Failure> {
-    let mut reducer = reduction::reducer(calibrated, &job.sample)?;
+    let mut reducer = reduction::reducer(calibrated, &job.sample, options)?;
     let mut lost = calibrated.lost.clone();
     let (sender, poses) = sync_channel::<PoseRecord>(WAITING_POSES);
     let (reducer_ref, lost_ref) = (&mut reducer, &mut lost);
@@ -241,25 +252,27 @@ fn with_fit(
         recorded
     })?;
     if reducer.statistics().is_empty() {
-        return Ok(Scanned { recorded, fit: None, files: None, lost: Vec::new() });
+        return Ok(Scanned { recorded, fit: None, files: None, coat: None, lost: Vec::new() });
     }
-    conclude(job, recorded, reducer, lost, calibrated, model, files)
+    conclude(job, recorded, reducer, lost, calibrated, options, model, files)
 }
 
 /// The last table, fit, report and pictures.
+#[allow(clippy::too_many_arguments)] // one call, all of it needed
 fn conclude(
     job: &Job<'_>,
     recorded: Recorded,
     mut reducer: Reducer,
     mut lost: Vec<String>,
     calibrated: &Calibrated,
+    options: &Options,
     model: &str,
     files: &Files,
 ) -> Result<Scanned, Failure> {
     // poses of a continued scan came in another order than a replay takes them
     let table: Measured = if job.resume {
         let session = Session::open(job.output).map_err(|e| Failure::Failed(e.to_string()))?;
-        let reduced = reduction::reduce(&session, calibrated, |_, _| {})?;
+        let reduced = reduction::reduce(&session, calibrated, options, |_, _| {})?;
         reducer = reduced.reducer;
         lost = reduced.lost;
         reduced.table
@@ -285,10 +298,12 @@ fn conclude(
                 format!("{} {}, {} frames", recorded.camera.name, recorded.camera.serial, recorded.frames),
             ),
         ],
+        coat: coat::section(&reducer),
         lost: &lost,
     };
     results::write_all(files, &table, &fit, &story)?;
-    Ok(Scanned { recorded, fit: Some(fit), files: Some(files.clone()), lost })
+    let told = Told::of(&reducer);
+    Ok(Scanned { recorded, fit: Some(fit), files: Some(files.clone()), coat: Some(told), lost })
 }
 
 /// The white reference of the virtual instrument: the one beside the output if it is of the same virtual instrument, else a new one.

@@ -80,7 +80,9 @@ fn long_name(variable: &str) -> String {
         "brdf" => "bidirectional reflectance distribution function, without the cosine".to_owned(),
         "sigma" => "standard uncertainty of brdf (k = 1), all parts".to_owned(),
         "brdf_base" => "base coat under the clear coat, two-way form".to_owned(),
-        "brdf_base_single_pass" => "base coat under the clear coat, single-pass form, not reciprocal".to_owned(),
+        "brdf_base_single_pass" => {
+            "base coat under the clear coat, single-pass form, not reciprocal".to_owned()
+        }
         "brdf_node" => "brdf at the nodes, derived from the cell means".to_owned(),
         part => format!("standard uncertainty of brdf (k = 1), part {}", part.trim_start_matches(PART)),
     }

@@ -7,6 +7,7 @@ pub mod arguments;
 pub mod commands;
 pub mod continuing;
 pub mod control;
+pub mod effect;
 pub mod fitting;
 pub mod outcome;
 pub mod output;

@@ -1,5 +1,7 @@
 //! What is worth saying about a material before its numbers are used: nothing is made up silently.
 
+use crate::{GlossPeak, Material};
+
 /// One thing found.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Finding {
@@ -30,6 +32,23 @@ pub enum Finding {
 }
 
 impl Finding {
+    /// Whether a coat is assumed of which nothing shows: in a model without one, or in a measurement without the gloss of one.
+    #[must_use]
+    pub fn of_coat(material: &Material, index: f64) -> Vec<Self> {
+        if index <= 1.0 || material.flake_map().is_some() {
+            return Vec::new();
+        }
+        if material.is_model() {
+            let bare = material.stated_index().is_some_and(|n| n <= 1.0);
+            return if bare { vec![Self::Uncoated { index, share: None }] } else { Vec::new() };
+        }
+        let peak = GlossPeak::of(material, index);
+        match peak.share {
+            Some(share) if !peak.is_seen() => vec![Self::Uncoated { index, share: Some(share) }],
+            _ => Vec::new(),
+        }
+    }
+
     /// Name for programs.
     #[must_use]
     pub const fn name(&self) -> &'static str {

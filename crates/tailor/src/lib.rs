@@ -22,4 +22,4 @@ pub use material::{Judged, Material};
 pub use pareto::front;
 pub use representation::{BuildError, Built, Options, Representation, Standing, UnknownRepresentation};
 pub use timing::{Cost, costs};
-pub use trade::{Candidate, GeometrySet, Left, Trade, TradeError, TradeOptions, trade};
+pub use trade::{AssessError, Candidate, GeometrySet, Left, Trade, TradeError, TradeOptions, assess, trade};

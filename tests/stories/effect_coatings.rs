@@ -84,7 +84,11 @@ fn a_flake_map_is_saved_told_and_used_like_any_material() {
 
     // what the map holds can be made smaller, not larger
     bench.ok(&["fit", "map.json", "--model", "flake-map:0", "-o", "small.json"]);
-    refused(&bench, &["fit", "map.json", "--model", "flake-map:2", "-o", "large.json"], &["harmonics", "measurement"]);
+    refused(
+        &bench,
+        &["fit", "map.json", "--model", "flake-map:2", "-o", "large.json"],
+        &["harmonics", "measurement"],
+    );
     bench.ok(&["colormap", "map.json", "--flake", "1", "-o", "map.png"]);
     bench.ok(&["convert", "map.json", "sampled.csv"]);
     let trade = bench.ok(&["trade", "map.json", "--only", "clip,flake-map:1", "--json"]).json();
@@ -100,16 +104,23 @@ fn every_representation_is_evaluated_and_says_what_it_does_not_hold() {
     bench.ok(&["eval", "paint.json", "--geometries", "g.csv", "-o", "truth.csv"]);
     let truth = rows(&bench, "truth.csv");
     let mut errors = Vec::new();
-    for name in ["aspecular", "unit-index", "clip", "map-vector", "map-vector-parallel", "flake-map:0", "flake-map:1"] {
+    for name in
+        ["aspecular", "unit-index", "clip", "map-vector", "map-vector-parallel", "flake-map:0", "flake-map:1"]
+    {
         let out = format!("{}.csv", name.replace(':', "-"));
-        let ran = bench.ok(&["eval", "paint.json", "--as", name, "--geometries", "g.csv", "-o", &out, "--json"]).json();
+        let ran = bench
+            .ok(&["eval", "paint.json", "--as", name, "--geometries", "g.csv", "-o", &out, "--json"])
+            .json();
         assert_eq!((&ran["representation"], &ran["geometries"]), (&name.into(), &count.into()));
         let said = rows(&bench, &out);
         let flagged = said.iter().filter(|r| r[6] == 2.0).count();
-        let counted: u64 =
-            ["beyond_critical_angle", "beyond_largest", "nothing_near"].iter().filter_map(|k| ran[*k].as_u64()).sum();
+        let counted: u64 = ["beyond_critical_angle", "beyond_largest", "nothing_near"]
+            .iter()
+            .filter_map(|k| ran[*k].as_u64())
+            .sum();
         assert_eq!(flagged as u64, counted, "{name}");
-        let error: f64 = said.iter().zip(&truth).map(|(s, t)| (s[4] / t[4]).ln().abs()).sum::<f64>() / count as f64;
+        let error: f64 =
+            said.iter().zip(&truth).map(|(s, t)| (s[4] / t[4]).ln().abs()).sum::<f64>() / count as f64;
         errors.push((name, error));
     }
     let of = |name: &str| errors.iter().find(|e| e.0 == name).expect("it ran").1;
@@ -117,7 +128,8 @@ fn every_representation_is_evaluated_and_says_what_it_does_not_hold() {
     assert!(of("clip") < of("aspecular"), "{errors:?}");
 
     bench.write("steep.csv", format!("{HEAD}\n85,20,180\n75,75,110\n20,30,0\n"));
-    let steep = ["eval", "paint.json", "--as", "clip", "--geometries", "steep.csv", "-o", "steep.out.csv", "--json"];
+    let steep =
+        ["eval", "paint.json", "--as", "clip", "--geometries", "steep.csv", "-o", "steep.out.csv", "--json"];
     let ran = bench.ok(&steep).json();
     assert_eq!((&ran["beyond_largest"], &ran["beyond_critical_angle"]), (&1.into(), &1.into()));
     let flags: Vec<f64> = rows(&bench, "steep.out.csv").iter().map(|r| r[6]).collect();
@@ -128,11 +140,15 @@ fn every_representation_is_evaluated_and_says_what_it_does_not_hold() {
 fn colour_maps_are_drawn_and_written_for_shaders() {
     let bench = Bench::new();
     bench.write("paint.json", EFFECT);
-    for (flags, name) in [(&["--method", "map-vector"][..], "a"), (&["--aspecular"][..], "b"), (&["--flake"][..], "c")] {
+    for (flags, name) in
+        [(&["--method", "map-vector"][..], "a"), (&["--aspecular"][..], "b"), (&["--flake"][..], "c")]
+    {
         for ending in ["png", "exr"] {
             let out = format!("{name}.{ending}");
-            let words: Vec<&str> =
-                ["colormap", "paint.json", "--nodes", "24", "-o", &out, "--json"].into_iter().chain(flags.iter().copied()).collect();
+            let words: Vec<&str> = ["colormap", "paint.json", "--nodes", "24", "-o", &out, "--json"]
+                .into_iter()
+                .chain(flags.iter().copied())
+                .collect();
             let told = bench.ok(&words).json();
             assert_eq!(told["gloss"]["done"], "none-in-it", "a model's coat mirrors nothing by itself");
             let bytes = bench.read(&out);
@@ -162,7 +178,11 @@ fn the_trade_is_told_as_table_json_csv_and_pictures() {
         assert!(c["ns"].as_f64().is_some_and(|x| x > 0.0) && c["bytes"].as_u64().is_some_and(|b| b > 0));
         c["delta_e"]["beyond_15_deg"]["mean"].as_f64().expect("a mean")
     };
-    assert!(mean("flake-map:1") < mean("flake-map:0") && mean("flake-map:0") < mean("clip") && mean("clip") < mean("aspecular"));
+    assert!(
+        mean("flake-map:1") < mean("flake-map:0")
+            && mean("flake-map:0") < mean("clip")
+            && mean("clip") < mean("aspecular")
+    );
     assert!(mean("lambert") > mean("table"));
     assert!(candidates.iter().any(|c| c["on_front"] == true));
     for file in ["trade.json", "trade.csv", "report.html", "pareto.png", "colour-map.png", "flake-map.png"] {
@@ -191,12 +211,15 @@ fn eight_angles_of_a_portable_instrument_give_a_map_that_says_how_little_it_know
     measured(&bench, &multi_angle(), "portable.csv");
     let told = bench.ok(&["colormap", "portable.csv", "-o", "portable.png", "--json"]).json();
     assert!(told["findings"].as_array().is_some_and(|f| f.iter().any(|x| x["kind"] == "sparse")), "{told}");
-    let told = bench.ok(&["fit", "portable.csv", "--model", "flake-map:0", "-o", "portable.json", "--json"]).json();
-    let kinds: Vec<&str> = told["findings"].as_array().expect("findings").iter().filter_map(|f| f["kind"].as_str()).collect();
+    let told =
+        bench.ok(&["fit", "portable.csv", "--model", "flake-map:0", "-o", "portable.json", "--json"]).json();
+    let kinds: Vec<&str> =
+        told["findings"].as_array().expect("findings").iter().filter_map(|f| f["kind"].as_str()).collect();
     assert!(kinds.contains(&"all-in-plane") && kinds.contains(&"sparse"), "{kinds:?}");
     // a measured place is held, one far from all of them is flagged
     bench.write("g.csv", format!("{HEAD}\n45,20,180\n60,60,0\n"));
-    let told = bench.ok(&["eval", "portable.json", "--geometries", "g.csv", "-o", "out.csv", "--json"]).json();
+    let told =
+        bench.ok(&["eval", "portable.json", "--geometries", "g.csv", "-o", "out.csv", "--json"]).json();
     assert_eq!(told["nothing_near"], 1, "{told}");
     let out = rows(&bench, "out.csv");
     assert_eq!((out[0][6], out[1][6]), (0.0, 2.0));
@@ -241,12 +264,28 @@ fn what_cannot_be_known_is_said_and_never_made_up() {
     geometries(&bench, "g.csv");
 
     // an index forced upon a sample without a coat
-    let forced = ["eval", "bare.json", "--as", "clip", "--index", "1.5", "--geometries", "g.csv", "-o", "forced.csv", "--json"];
+    let forced = [
+        "eval",
+        "bare.json",
+        "--as",
+        "clip",
+        "--index",
+        "1.5",
+        "--geometries",
+        "g.csv",
+        "-o",
+        "forced.csv",
+        "--json",
+    ];
     let told = bench.ok(&forced);
     assert_eq!(told.json()["findings"][0]["kind"], "uncoated");
     assert!(told.stderr.contains("--index 1"), "{}", told.stderr);
     let free = ["eval", "bare.json", "--as", "clip", "--geometries", "g.csv", "-o", "free.csv", "--json"];
-    assert_eq!(bench.ok(&free).json()["findings"], serde_json::json!([]), "by default the model's own word counts");
+    assert_eq!(
+        bench.ok(&free).json()["findings"],
+        serde_json::json!([]),
+        "by default the model's own word counts"
+    );
     bench.write("matte.json", r#"{"model":"lambert","diffuse":[0.4,0.3,0.2]}"#);
     bench.ok(&["convert", "matte.json", "matte.nc"]);
     let told = bench.ok(&["colormap", "matte.nc", "-o", "matte.png", "--json"]).json();
@@ -254,25 +293,55 @@ fn what_cannot_be_known_is_said_and_never_made_up() {
     assert_eq!(told["gloss"]["done"], "not-seen");
 
     // nothing measured where it is asked for
-    let low: Vec<(f64, f64, f64)> =
-        (0..36).map(|k| (10.0 * f64::from(k % 3), 10.0 + 5.0 * f64::from(k / 9), 60.0 * f64::from(k / 3 % 3))).collect();
+    let low: Vec<(f64, f64, f64)> = (0..36)
+        .map(|k| (10.0 * f64::from(k % 3), 10.0 + 5.0 * f64::from(k / 9), 60.0 * f64::from(k / 3 % 3)))
+        .collect();
     measured(&bench, &low, "low.csv");
     bench.write("far.csv", format!("{HEAD}\n70,70,90\n"));
-    let told = bench.ok(&["eval", "low.csv", "--as", "flake-map:0", "--geometries", "far.csv", "-o", "far.out.csv", "--json"]).json();
+    let told = bench
+        .ok(&[
+            "eval",
+            "low.csv",
+            "--as",
+            "flake-map:0",
+            "--geometries",
+            "far.csv",
+            "-o",
+            "far.out.csv",
+            "--json",
+        ])
+        .json();
     assert_eq!(told["nothing_near"], 1);
-    refused(&bench, &["eval", "low.csv", "--geometries", "far.csv", "-o", "x.csv"], &["scattered", "flake-map:K"]);
-    refused(&bench, &["eval", "low.csv", "--as", "table", "--geometries", "far.csv", "-o", "x.csv"], &["scattered"]);
+    refused(
+        &bench,
+        &["eval", "low.csv", "--geometries", "far.csv", "-o", "x.csv"],
+        &["scattered", "flake-map:K"],
+    );
+    refused(
+        &bench,
+        &["eval", "low.csv", "--as", "table", "--geometries", "far.csv", "-o", "x.csv"],
+        &["scattered"],
+    );
     refused(&bench, &["trade", "low.csv", "--geometries", "far.csv"], &["their own geometries"]);
 
     // all in the plane of incidence, and none of it
     measured(&bench, &multi_angle(), "plane.csv");
-    refused(&bench, &["fit", "plane.csv", "--model", "flake-map:1", "-o", "x.json"], &["plane of incidence", "flake-map:0"]);
+    refused(
+        &bench,
+        &["fit", "plane.csv", "--model", "flake-map:1", "-o", "x.json"],
+        &["plane of incidence", "flake-map:0"],
+    );
     let aside: Vec<(f64, f64, f64)> = (0..40).map(|k| (20.0 + f64::from(k), 30.0, 90.0)).collect();
     measured(&bench, &aside, "aside.csv");
     refused(&bench, &["colormap", "aside.csv", "-o", "x.png"], &["in-plane"]);
-    let near: Vec<(f64, f64, f64)> = (0..9).map(|k| (10.0 + 5.0 * f64::from(k), 12.0 + 5.0 * f64::from(k), 180.0)).collect();
+    let near: Vec<(f64, f64, f64)> =
+        (0..9).map(|k| (10.0 + 5.0 * f64::from(k), 12.0 + 5.0 * f64::from(k), 180.0)).collect();
     measured(&bench, &near, "near.csv");
-    refused(&bench, &["fit", "near.csv", "--model", "flake-map:0", "-o", "x.json"], &["0 measured geometries", "mirror direction"]);
+    refused(
+        &bench,
+        &["fit", "near.csv", "--model", "flake-map:0", "-o", "x.json"],
+        &["0 measured geometries", "mirror direction"],
+    );
     for name in ["x.csv", "x.json", "x.png"] {
         assert!(!bench.path(name).exists(), "{name} was made up");
     }
@@ -284,7 +353,11 @@ fn words_and_numbers_that_do_not_fit_are_answered() {
     bench.write("paint.json", EFFECT);
     geometries(&bench, "g.csv");
     let eval = |flags: &[&str]| -> Vec<String> {
-        ["eval", "paint.json", "--geometries", "g.csv", "-o", "x.csv"].iter().chain(flags).map(|s| (*s).to_owned()).collect()
+        ["eval", "paint.json", "--geometries", "g.csv", "-o", "x.csv"]
+            .iter()
+            .chain(flags)
+            .map(|s| (*s).to_owned())
+            .collect()
     };
     for (flags, said) in [
         (&["--as", "photo"][..], &["photo", "flake-map:K"][..]),
@@ -297,7 +370,11 @@ fn words_and_numbers_that_do_not_fit_are_answered() {
         refused(&bench, &words.iter().map(String::as_str).collect::<Vec<_>>(), said);
     }
     refused(&bench, &["colormap", "paint.json", "-o", "map.tiff"], &[".png", ".exr", "--model flake-map:K"]);
-    refused(&bench, &["colormap", "paint.json", "--method", "walk", "-o", "map.png"], &["walk", "unit-index"]);
+    refused(
+        &bench,
+        &["colormap", "paint.json", "--method", "walk", "-o", "map.png"],
+        &["walk", "unit-index"],
+    );
     refused(&bench, &["colormap", "paint.json", "--flake", "7", "-o", "map.png"], &["flake-map:7"]);
     refused(&bench, &["trade", "paint.json", "--only", "clip,teapot"], &["teapot", "map-vector"]);
     refused(&bench, &["fit", "paint.json", "--model", "flake-map", "-o", "x.json"], &["flake-map:K"]);
@@ -307,5 +384,9 @@ fn words_and_numbers_that_do_not_fit_are_answered() {
     bench.write("broken.json", r#"{"format":"gonio-flake-map","version":9}"#);
     refused(&bench, &["info", "broken.json"], &["broken.json", "flake map"]);
     bench.write("weights.csv", format!("{HEAD},weight\n10,10,0,-1\n"));
-    refused(&bench, &["trade", "paint.json", "--geometries", "weights.csv"], &["weights.csv", "line 2", "weight"]);
+    refused(
+        &bench,
+        &["trade", "paint.json", "--geometries", "weights.csv"],
+        &["weights.csv", "line 2", "weight"],
+    );
 }

@@ -54,6 +54,8 @@ impl MapImage {
 
 #[cfg(test)]
 mod tests {
+    use exr::prelude::{ReadChannels as _, ReadLayers as _};
+
     use super::*;
 
     #[test]
@@ -68,7 +70,10 @@ mod tests {
         let read = exr::prelude::read()
             .no_deep_data()
             .largest_resolution_level()
-            .rgb_channels(|size, _| vec![[0.0f32; 3]; size.area()], |p, at, (r, g, b): (f32, f32, f32)| p[at.y() * 3 + at.x()] = [r, g, b])
+            .rgb_channels(
+                |size, _| vec![[0.0f32; 3]; size.area()],
+                |p, at, (r, g, b): (f32, f32, f32)| p[at.y() * 3 + at.x()] = [r, g, b],
+            )
             .first_valid_layer()
             .all_attributes()
             .from_buffered(Cursor::new(bytes))

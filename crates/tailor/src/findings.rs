@@ -83,7 +83,10 @@ impl std::fmt::Display for Finding {
                 write!(f, "{count} of {of} geometries asked for have no measurement near and are left out")
             }
             Self::Sparse { count } => {
-                write!(f, "{count} measurements only: between them the map is a smooth continuation, not a measurement")
+                write!(
+                    f,
+                    "{count} measurements only: between them the map is a smooth continuation, not a measurement"
+                )
             }
         }
     }

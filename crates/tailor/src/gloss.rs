@@ -69,10 +69,14 @@ pub struct GlossPeak {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum GlossError {
     /// Scattered measurements.
-    #[error("gloss cannot be taken off scattered measurements one by one: leave out those near the mirror direction instead")]
+    #[error(
+        "gloss cannot be taken off scattered measurements one by one: leave out those near the mirror direction instead"
+    )]
     Scattered,
     /// The lamp is not known.
-    #[error("the file does not say how large the lamp was, so its gloss cannot be computed: give its angular radius, or fill the cone about the mirror direction")]
+    #[error(
+        "the file does not say how large the lamp was, so its gloss cannot be computed: give its angular radius, or fill the cone about the mirror direction"
+    )]
     NoLamp,
     /// No coat, no gloss.
     #[error("a coat of index 1 has no gloss to take off: give the coat's index, or keep the gloss")]
@@ -108,7 +112,10 @@ impl GlossPeak {
         let peak: f64 = (0..steps)
             .map(|k| {
                 let r = width * (f64::from(k) + 0.5);
-                (ring(r) - ground).max(0.0) * std::f64::consts::TAU * Angle::from_degrees(r).sin() * width.to_radians()
+                (ring(r) - ground).max(0.0)
+                    * std::f64::consts::TAU
+                    * Angle::from_degrees(r).sin()
+                    * width.to_radians()
             })
             .sum();
         let cos = Angle::from_degrees(LOOKED_AT_DEG).cos();
@@ -127,14 +134,20 @@ impl std::fmt::Display for Gloss {
         match self {
             Self::NoneInIt => f.write_str("no gloss in it"),
             Self::NotSeen(GlossPeak { share: Some(s) }) => {
-                write!(f, "no gloss of a coat seen (the peak holds {:.1} % of a coat's reflectance): nothing taken off", 100.0 * s)
+                write!(
+                    f,
+                    "no gloss of a coat seen (the peak holds {:.1} % of a coat's reflectance): nothing taken off",
+                    100.0 * s
+                )
             }
             Self::NotSeen(_) => f.write_str("nothing measured at the mirror direction: no gloss taken off"),
             Self::Separated => f.write_str("gloss separated in the measurement"),
             Self::Subtracted { lamp_half_angle_deg } => {
                 write!(f, "gloss of a lamp of {lamp_half_angle_deg:.2}° subtracted by Fresnel")
             }
-            Self::Filled { cone_deg } => write!(f, "gloss within {cone_deg:.1}° of the mirror direction filled from the edge"),
+            Self::Filled { cone_deg } => {
+                write!(f, "gloss within {cone_deg:.1}° of the mirror direction filled from the edge")
+            }
             Self::Kept => f.write_str("gloss kept"),
         }
     }
@@ -144,7 +157,11 @@ impl std::fmt::Display for Gloss {
 ///
 /// # Errors
 /// [`GlossError`] where the choice cannot be followed.
-pub fn without_gloss(material: &Material, index: f64, choice: GlossChoice) -> Result<(Box<dyn Brdf + '_>, Gloss), GlossError> {
+pub fn without_gloss(
+    material: &Material,
+    index: f64,
+    choice: GlossChoice,
+) -> Result<(Box<dyn Brdf + '_>, Gloss), GlossError> {
     let brdf = material.brdf().ok_or(GlossError::Scattered)?;
     let plain = |gloss| Ok((Box::new(Borrowed(brdf)) as Box<dyn Brdf>, gloss));
     if choice == GlossChoice::Keep {
@@ -193,7 +210,12 @@ fn base_through_coat(t: &Measured, index: f64) -> Option<Measured> {
     Some(out)
 }
 
-fn subtracted<'a>(material: &Material, brdf: &'a dyn Brdf, index: f64, lamp: Angle) -> (Box<dyn Brdf + 'a>, Gloss) {
+fn subtracted<'a>(
+    material: &Material,
+    brdf: &'a dyn Brdf,
+    index: f64,
+    lamp: Angle,
+) -> (Box<dyn Brdf + 'a>, Gloss) {
     let done = Gloss::Subtracted { lamp_half_angle_deg: lamp.degrees() };
     let coat = Coat { index };
     let Some(table) = material.table() else { return (Box::new(Subtracted { brdf, coat, lamp }), done) };
@@ -248,7 +270,8 @@ impl Brdf for Filled<'_> {
         let edge = |towards: Vec3| {
             let side = towards - mirror * towards.dot(mirror);
             let length = side.norm();
-            (length > 1e-9).then(|| (mirror * self.cone.cos() + side * (self.cone.sin() / length)).normalized())
+            (length > 1e-9)
+                .then(|| (mirror * self.cone.cos() + side * (self.cone.sin() / length)).normalized())
         };
         // straight above the middle any side serves
         let outwards = edge(view).or_else(|| edge(Vec3::Z)).or_else(|| edge(Vec3::new(1.0, 0.0, 0.0)));
@@ -269,12 +292,15 @@ mod tests {
     /// A matte base under a coat, measured with a lamp of 2°.
     fn coated() -> (ModelFile, Measured, Angle) {
         let lamp = Angle::from_degrees(2.0);
-        let mut file = ModelFile::from_json(r#"{"model":"lambert","diffuse":[0.3,0.2,0.1],"coat":{"index":1.5}}"#).unwrap();
+        let mut file =
+            ModelFile::from_json(r#"{"model":"lambert","diffuse":[0.3,0.2,0.1],"coat":{"index":1.5}}"#)
+                .unwrap();
         file.fit = None;
         let mut t = Measured::empty(Grid::sopp(), Meaning::CellMean { lamp_half_angle: lamp });
         for i in 0..t.grid.len() {
             let cell = t.grid.coordinates(i);
-            t.values[i] = gonio_brdf::average::model_cell_mean(&file, &t.grid, t.meaning, cell).map(|f| f as f32);
+            t.values[i] =
+                gonio_brdf::average::model_cell_mean(&file, &t.grid, t.meaning, cell).map(|f| f as f32);
             t.flag[i] = gonio_brdf::Flag::Measured;
         }
         (file, t, lamp)
@@ -311,7 +337,11 @@ mod tests {
     #[test]
     fn a_filled_cone_is_continuous_and_leaves_the_rest_alone() {
         let sharp = ModelFile {
-            model: Model::BlinnPhong(gonio_brdf::models::BlinnPhong { diffuse: [0.1; 3], specular: [0.2; 3], exponent: 3000.0 }),
+            model: Model::BlinnPhong(gonio_brdf::models::BlinnPhong {
+                diffuse: [0.1; 3],
+                specular: [0.2; 3],
+                exponent: 3000.0,
+            }),
             coat: None,
             fit: None,
         };

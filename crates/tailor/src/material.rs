@@ -73,9 +73,11 @@ impl Material {
         match &self.loaded {
             Loaded::Model(m) => Some(m.coat.map_or(1.0, |c| c.index)),
             Loaded::Function(f) => f.flake_map.as_ref().map(|m| m.index()),
-            Loaded::Table(t) => {
-                t.attributes.get("coat_index").and_then(|s| s.parse().ok()).filter(|n| (1.0..=4.0).contains(n))
-            }
+            Loaded::Table(t) => t
+                .attributes
+                .get("coat_index")
+                .and_then(|s| s.parse().ok())
+                .filter(|n| (1.0..=4.0).contains(n)),
             Loaded::Scattered(_) => None,
         }
     }
@@ -191,11 +193,8 @@ pub(crate) fn place(i: usize, n: usize) -> usize {
 
 fn measured_near(t: &Measured, g: Geometry) -> bool {
     let nearest = |nodes: &[f64], x: f64| {
-        let (k, d) = nodes
-            .iter()
-            .enumerate()
-            .map(|(k, n)| (k, (n - x).abs()))
-            .min_by(|a, b| a.1.total_cmp(&b.1))?;
+        let (k, d) =
+            nodes.iter().enumerate().map(|(k, n)| (k, (n - x).abs())).min_by(|a, b| a.1.total_cmp(&b.1))?;
         let (low, high) = (nodes.get(k.saturating_sub(1))?, nodes.get((k + 1).min(nodes.len() - 1))?);
         // a single node stands for itself
         let reach = 0.5 * (nodes[k] - low).max(high - nodes[k]).max(1.0);
@@ -215,7 +214,11 @@ mod tests {
 
     fn points(n: usize) -> Scattered {
         let at = |i: usize| ScatteredPoint {
-            geometry: Geometry::from_degrees(10.0 + (i % 7) as f64 * 10.0, (i % 5) as f64 * 15.0, (i % 4) as f64 * 60.0),
+            geometry: Geometry::from_degrees(
+                10.0 + (i % 7) as f64 * 10.0,
+                (i % 5) as f64 * 15.0,
+                (i % 4) as f64 * 60.0,
+            ),
             value: [0.1; 3],
             sigma: None,
             flag: Flag::Measured,
@@ -244,7 +247,8 @@ mod tests {
         let m = Material::new("m", Loaded::Table(Box::new(t)));
         assert!(m.is_measured_near(Geometry::from_degrees(45.0, 23.0, 1.0)));
         assert!(!m.is_measured_near(Geometry::from_degrees(46.0, 20.4, 2.0)));
-        let asked = [(Geometry::from_degrees(45.0, 20.0, 0.0), 1.0), (Geometry::from_degrees(45.0, 40.0, 0.0), 2.0)];
+        let asked =
+            [(Geometry::from_degrees(45.0, 20.0, 0.0), 1.0), (Geometry::from_degrees(45.0, 40.0, 0.0), 2.0)];
         let (samples, missing) = m.samples_at(&asked).unwrap();
         assert!(samples.len() == 1 && missing == 1 && samples[0].weight == 2.0);
     }

@@ -20,7 +20,8 @@ mod tests {
 
     #[test]
     fn only_what_is_beaten_in_both_respects_is_left_out() {
-        let points = [(1.0, 5.0), (2.0, 2.0), (3.0, 3.0), (9.0, 0.1), (2.0, 2.0), (f64::NAN, 0.0), (0.5, 6.0)];
+        let points =
+            [(1.0, 5.0), (2.0, 2.0), (3.0, 3.0), (9.0, 0.1), (2.0, 2.0), (f64::NAN, 0.0), (0.5, 6.0)];
         assert_eq!(front(&points), [true, true, false, true, true, false, true]);
         assert!(front(&[]).is_empty());
     }

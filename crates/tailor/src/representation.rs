@@ -2,7 +2,9 @@
 
 use std::str::FromStr;
 
-use gonio_brdf::maps::{Aspecular, ColourMap, FitError, FlakeFitOptions, FlakeMap, LookupTable, Region, Sample};
+use gonio_brdf::maps::{
+    Aspecular, ColourMap, FitError, FlakeFitOptions, FlakeMap, LookupTable, Region, Sample,
+};
 use gonio_brdf::{Brdf, ModelFile, Rgb};
 use gonio_fitter::ModelChoice;
 use gonio_optics::{Angle, Vec3, isoline::Method};
@@ -71,7 +73,9 @@ impl std::fmt::Display for Representation {
             Self::ColourMap(m) => f.write_str(m.name()),
             Self::FlakeMap(k) => write!(f, "flake-map:{k}"),
             Self::Aspecular => f.write_str("aspecular"),
-            Self::Model(m) => f.write_str(ModelChoice::ALL.iter().find(|a| a.1 == *m).map_or("model", |a| a.0)),
+            Self::Model(m) => {
+                f.write_str(ModelChoice::ALL.iter().find(|a| a.1 == *m).map_or("model", |a| a.0))
+            }
         }
     }
 }
@@ -84,12 +88,9 @@ impl FromStr for Representation {
             "table" => Ok(Self::Table),
             "aspecular" => Ok(Self::Aspecular),
             _ => match s.strip_prefix("flake-map:") {
-                Some(k) => k
-                    .parse()
-                    .ok()
-                    .filter(|k| *k <= MOST_HARMONICS)
-                    .map(Self::FlakeMap)
-                    .ok_or_else(unknown),
+                Some(k) => {
+                    k.parse().ok().filter(|k| *k <= MOST_HARMONICS).map(Self::FlakeMap).ok_or_else(unknown)
+                }
                 None => s.parse().map(Self::ColourMap).map_err(|_| unknown()),
             },
         }
@@ -115,7 +116,13 @@ impl Options {
     /// For a coat of `index`: to 75°, 64 nodes, Sopp's 19 × 37 × 36.
     #[must_use]
     pub const fn new(index: f64) -> Self {
-        Self { index, largest: Angle::from_degrees(75.0), nodes: 64, table: [19, 37, 36], gloss: GlossChoice::Auto }
+        Self {
+            index,
+            largest: Angle::from_degrees(75.0),
+            nodes: 64,
+            table: [19, 37, 36],
+            gloss: GlossChoice::Auto,
+        }
     }
 
     /// The geometries that flake maps are fitted to.
@@ -133,7 +140,9 @@ impl Options {
 #[derive(Debug, thiserror::Error)]
 pub enum BuildError {
     /// It needs f between measurements.
-    #[error("{representation} needs values between the measurements, and scattered geometries have none: use flake-map:K, or fit a model first")]
+    #[error(
+        "{representation} needs values between the measurements, and scattered geometries have none: use flake-map:K, or fit a model first"
+    )]
     Scattered {
         /// Which.
         representation: String,
@@ -150,7 +159,9 @@ pub enum BuildError {
         mirror_deg: f64,
     },
     /// Harmonics that the data cannot determine.
-    #[error("all {count} measurements lie in the plane of incidence, which leaves harmonics undetermined: use flake-map:0, or measure other azimuths too")]
+    #[error(
+        "all {count} measurements lie in the plane of incidence, which leaves harmonics undetermined: use flake-map:0, or measure other azimuths too"
+    )]
     AllInPlane {
         /// Measurements.
         count: usize,
@@ -227,18 +238,24 @@ impl Representation {
         let mut findings = Vec::new();
         let evaluator = match self {
             Self::Table => {
-                let brdf = material.brdf().ok_or_else(|| BuildError::Scattered { representation: self.to_string() })?;
+                let brdf = material
+                    .brdf()
+                    .ok_or_else(|| BuildError::Scattered { representation: self.to_string() })?;
                 Evaluator::Table(LookupTable::from_brdf(brdf, options.table))
             }
             Self::ColourMap(method) => {
-                let make = |f: &dyn Brdf| ColourMap::from_brdf(f, options.index, method, options.largest, options.nodes);
+                let make = |f: &dyn Brdf| {
+                    ColourMap::from_brdf(f, options.index, method, options.largest, options.nodes)
+                };
                 Evaluator::Colour(with_in_plane(material, options, &mut findings, make)?)
             }
             Self::Aspecular => {
                 let make = |f: &dyn Brdf| Aspecular::from_brdf(f, ASPECULAR_LIGHT, options.largest);
                 Evaluator::Aspecular(with_in_plane(material, options, &mut findings, make)?)
             }
-            Self::FlakeMap(harmonics) => Evaluator::Flake(flake_map(material, options, harmonics, &mut findings)?),
+            Self::FlakeMap(harmonics) => {
+                Evaluator::Flake(flake_map(material, options, harmonics, &mut findings)?)
+            }
             Self::Model(choice) => model(material, options, choice, &self.to_string())?,
         };
         Ok(Built { representation: self, findings, evaluator, largest: options.largest })
@@ -313,10 +330,19 @@ fn with_in_plane<T>(
     Ok(make(&surface))
 }
 
-fn model(material: &Material, options: &Options, choice: ModelChoice, name: &str) -> Result<Evaluator, BuildError> {
+fn model(
+    material: &Material,
+    options: &Options,
+    choice: ModelChoice,
+    name: &str,
+) -> Result<Evaluator, BuildError> {
     let fail = |status: &str| BuildError::Model { model: name.to_owned(), status: status.to_owned() };
     let observations = material.observations().ok_or_else(|| fail("there is nothing to fit it to"))?;
-    let wanted = gonio_fitter::Options { model: choice, max_angle: options.largest, ..gonio_fitter::Options::default() };
+    let wanted = gonio_fitter::Options {
+        model: choice,
+        max_angle: options.largest,
+        ..gonio_fitter::Options::default()
+    };
     let fit = gonio_fitter::fit(&observations, &wanted);
     if matches!(fit.status.name(), "no-data" | "non-finite") {
         return Err(fail(fit.status.name()));
@@ -373,7 +399,11 @@ impl Built {
             }
             Evaluator::Table(_) | Evaluator::Aspecular(_) | Evaluator::Model(..) => {}
         }
-        if steep && !matches!(self.evaluator, Evaluator::Table(_)) { Standing::BeyondLargest } else { Standing::Supported }
+        if steep && !matches!(self.evaluator, Evaluator::Table(_)) {
+            Standing::BeyondLargest
+        } else {
+            Standing::Supported
+        }
     }
 
     /// Bytes that a look-up reads from: three channels of 32 bits; of a model its parameters.
@@ -471,13 +501,21 @@ mod tests {
         let pairs: Vec<_> = Region::default().directions(37, 5).collect();
         let single = |d: Vec3| d.to_array().map(|x| x as f32);
         let (lights, views): (Vec<_>, Vec<_>) = pairs.iter().map(|&(l, v)| (single(l), single(v))).unzip();
-        for r in [Representation::Table, Representation::Aspecular, Representation::ColourMap(Method::Clip), Representation::FlakeMap(1)] {
+        for r in [
+            Representation::Table,
+            Representation::Aspecular,
+            Representation::ColourMap(Method::Clip),
+            Representation::FlakeMap(1),
+        ] {
             let built = r.build(&m, &Options::new(1.5)).unwrap();
             let mut out = vec![[0.0; 3]; pairs.len()];
             built.eval_many(&lights, &views, &mut out);
             for (o, (l, v)) in out.iter().zip(&pairs) {
                 let one = built.eval(*l, *v);
-                assert!((0..3).all(|c| (f64::from(o[c]) - one[c]).abs() <= 1e-4 * one[c] + 1e-6), "{r}: {o:?} {one:?}");
+                assert!(
+                    (0..3).all(|c| (f64::from(o[c]) - one[c]).abs() <= 1e-4 * one[c] + 1e-6),
+                    "{r}: {o:?} {one:?}"
+                );
             }
             assert!(built.bytes() > 0 && built.findings.is_empty());
         }
@@ -497,7 +535,11 @@ mod tests {
         let flake = Representation::FlakeMap(0).build(&few, &Options::new(1.5)).unwrap();
         assert_eq!(at(&flake, (60.0, 30.0, 180.0)), Standing::NothingNear);
         assert_eq!(Standing::NothingNear.flag(), 2);
-        assert!(flake.findings.iter().any(|f| matches!(f, Finding::AllInPlane { count: 61..=64 })), "{:?}", flake.findings);
+        assert!(
+            flake.findings.iter().any(|f| matches!(f, Finding::AllInPlane { count: 61..=64 })),
+            "{:?}",
+            flake.findings
+        );
     }
 
     #[test]
@@ -512,10 +554,19 @@ mod tests {
         let e = Representation::Table.build(&in_plane, &Options::new(1.5)).err().unwrap();
         assert!(e.to_string().contains("table"), "{e}");
         let out_of_plane = scattered(&[60.0, 90.0]);
-        let none = Material::new("n", Loaded::Scattered(Scattered {
-            points: out_of_plane.scattered().unwrap().points.iter().copied()
-                .filter(|p| p.geometry.theta_i.degrees() > 1.0 && p.geometry.theta_o.degrees() > 1.0).collect(),
-        }));
+        let none = Material::new(
+            "n",
+            Loaded::Scattered(Scattered {
+                points: out_of_plane
+                    .scattered()
+                    .unwrap()
+                    .points
+                    .iter()
+                    .copied()
+                    .filter(|p| p.geometry.theta_i.degrees() > 1.0 && p.geometry.theta_o.degrees() > 1.0)
+                    .collect(),
+            }),
+        );
         let e = Representation::Aspecular.build(&none, &Options::new(1.5)).err().unwrap();
         assert!(e.to_string().contains("in-plane"), "{e}");
     }

@@ -1,7 +1,10 @@
 //! The trade: every representation of one material with its cost, its size and its error over the geometries that count.
 
 use gonio_brdf::maps::Sample;
-use gonio_optics::{Geometry, Vec3, isoline::{Method, isoline}};
+use gonio_optics::{
+    Geometry, Vec3,
+    isoline::{Method, isoline},
+};
 
 use crate::difference::Gathered;
 use crate::material::place;
@@ -79,13 +82,17 @@ pub struct Trade {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum TradeError {
     /// No measurement at the geometries asked for.
-    #[error("none of the {asked} geometries has a measurement near it: nothing to judge by; ask for geometries within what was measured")]
+    #[error(
+        "none of the {asked} geometries has a measurement near it: nothing to judge by; ask for geometries within what was measured"
+    )]
     NothingMeasured {
         /// How many were asked for.
         asked: usize,
     },
     /// Scattered measurements and a list of geometries.
-    #[error("scattered measurements are judged at their own geometries and say nothing in between: leave the list of geometries out, or fit a model first")]
+    #[error(
+        "scattered measurements are judged at their own geometries and say nothing in between: leave the list of geometries out, or fit a model first"
+    )]
     ScatteredList,
     /// Nothing could be built at all.
     #[error("no representation can be built: {reason}")]
@@ -152,7 +159,11 @@ pub fn trade(material: &Material, options: &TradeOptions) -> Result<Trade, Trade
     })
 }
 
-fn parts(material: &Material, options: &TradeOptions, findings: &mut Vec<Finding>) -> Result<(Vec<Part>, String), TradeError> {
+fn parts(
+    material: &Material,
+    options: &TradeOptions,
+    findings: &mut Vec<Finding>,
+) -> Result<(Vec<Part>, String), TradeError> {
     match &options.geometries {
         GeometrySet::All => {
             let judged = material.judged(options.build.largest);
@@ -192,7 +203,12 @@ pub fn assess(
     Ok((whole, difference, findings))
 }
 
-fn judge(whole: &Built, representation: Representation, parts: &[Part], options: &Options) -> Result<Difference, BuildError> {
+fn judge(
+    whole: &Built,
+    representation: Representation,
+    parts: &[Part],
+    options: &Options,
+) -> Result<Difference, BuildError> {
     let mut gathered = Gathered::default();
     for (rest, samples) in parts {
         let of_rest = match rest {
@@ -330,7 +346,11 @@ mod tests {
         o.build.largest = Angle::from_degrees(60.0);
         let found = trade(&m, &o).unwrap();
         // the same nodes: nothing but rounding
-        assert!(found.candidates[0].difference.beyond_15_deg.unwrap().max < 0.01, "{:?}", found.candidates[0]);
+        assert!(
+            found.candidates[0].difference.beyond_15_deg.unwrap().max < 0.01,
+            "{:?}",
+            found.candidates[0]
+        );
         assert_eq!(found.geometries, 13 * 25 * 36);
     }
 }

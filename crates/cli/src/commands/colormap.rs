@@ -71,7 +71,9 @@ pub fn run(a: &ColormapArguments, printer: Printer) -> Result<Outcome, Failure> 
         Representation::FlakeMap(_) => "flake-map",
         _ => "colour-map",
     };
-    let gloss = drawn.gloss.map_or_else(|| "measurements near the mirror direction left out".to_owned(), |g| g.to_string());
+    let gloss = drawn
+        .gloss
+        .map_or_else(|| "measurements near the mirror direction left out".to_owned(), |g| g.to_string());
     printer.result(
         &format!("{kind} of {}, index {}; {gloss}; written to {}", material.name, options.index, a.output.display()),
         &json!({
@@ -89,7 +91,11 @@ impl<'a> Drawn<'a> {
     ///
     /// # Errors
     /// [`Failure::Usage`] with what the material lacks.
-    pub fn new(material: &'a Material, representation: Representation, options: Options) -> Result<Self, Failure> {
+    pub fn new(
+        material: &'a Material,
+        representation: Representation,
+        options: Options,
+    ) -> Result<Self, Failure> {
         let mut findings = Finding::of_coat(material, options.index);
         let built = representation.build(material, &options).map_err(Failure::usage)?;
         findings.extend(built.findings.iter().cloned());
@@ -103,7 +109,11 @@ impl<'a> Drawn<'a> {
     /// The picture, with axes, lines and legend.
     #[must_use]
     pub fn picture(&self, factor: Option<f64>) -> Picture {
-        if self.built.flake_map().is_some() { self.flake_picture(factor) } else { self.in_plane_picture(factor) }
+        if self.built.flake_map().is_some() {
+            self.flake_picture(factor)
+        } else {
+            self.in_plane_picture(factor)
+        }
     }
 
     fn in_plane_picture(&self, factor: Option<f64>) -> Picture {
@@ -119,7 +129,8 @@ impl<'a> Drawn<'a> {
             known.then(|| self.in_plane(g))
         };
         let flake = Representation::FlakeMap(0).build(self.material, &self.options).ok();
-        let beyond = |f: FlakeAngles| flake.as_ref().and_then(|b| across(b, f, self.options.index)).map(|c| c.0);
+        let beyond =
+            |f: FlakeAngles| flake.as_ref().and_then(|b| across(b, f, self.options.index)).map(|c| c.0);
         let aspecular = self.built.representation == Representation::Aspecular;
         let (name, what) = if aspecular {
             ("Aspecular-only map", "colour by the angle from the mirror direction alone, lit at 45°")
@@ -134,10 +145,15 @@ impl<'a> Drawn<'a> {
             let in_plane = |g: &Geometry| {
                 let phi = g.phi.folded().degrees();
                 (phi < 0.5 || phi > 179.5 || g.theta_i.degrees() < 0.01 || g.theta_o.degrees() < 0.01)
-                    && g.theta_i.degrees() <= limit && g.theta_o.degrees() <= limit
+                    && g.theta_i.degrees() <= limit
+                    && g.theta_o.degrees() <= limit
                     && g.from_mirror() > self.options.region().from_mirror
             };
-            s.points.iter().map(|p| Geometry { phi: p.geometry.phi.folded(), ..p.geometry }).filter(in_plane).collect()
+            s.points
+                .iter()
+                .map(|p| Geometry { phi: p.geometry.phi.folded(), ..p.geometry })
+                .filter(in_plane)
+                .collect()
         });
         ColourMapPlot {
             title: format!("{name} of {}", self.material.name),
@@ -146,7 +162,9 @@ impl<'a> Drawn<'a> {
             index: self.options.index,
             cone: match self.gloss {
                 Some(Gloss::Filled { cone_deg }) => Some(Angle::from_degrees(cone_deg)),
-                Some(Gloss::Subtracted { lamp_half_angle_deg }) => Some(Angle::from_degrees(lamp_half_angle_deg)),
+                Some(Gloss::Subtracted { lamp_half_angle_deg }) => {
+                    Some(Angle::from_degrees(lamp_half_angle_deg))
+                }
                 _ => None,
             },
             measured: &measured,
@@ -185,16 +203,26 @@ impl<'a> Drawn<'a> {
         let n = self.options.nodes;
         let mut attributes = vec![
             ("gonio_format".to_owned(), "gonio map 1".to_owned()),
-            ("gonio_quantity".to_owned(), "BRDF f in 1/sr without the cosine, linear Rec. 709 RGB, gloss of the coat left out".to_owned()),
+            (
+                "gonio_quantity".to_owned(),
+                "BRDF f in 1/sr without the cosine, linear Rec. 709 RGB, gloss of the coat left out"
+                    .to_owned(),
+            ),
             ("gonio_name".to_owned(), self.material.name.clone()),
             ("gonio_index".to_owned(), self.options.index.to_string()),
-            ("gonio_largest_deg".to_owned(), format!("{}", (self.options.largest.degrees() * 1e9).round() / 1e9)),
+            (
+                "gonio_largest_deg".to_owned(),
+                format!("{}", (self.options.largest.degrees() * 1e9).round() / 1e9),
+            ),
         ];
         let mut put = |name: &str, text: &str| attributes.push((name.to_owned(), text.to_owned()));
         let (width, height, values) = match self.built.representation {
             Representation::Aspecular => {
                 put("gonio_kind", "aspecular");
-                put("gonio_layout", "one row; pixel k: k degrees between the view and the mirror direction; linear between pixel centres, the last one beyond");
+                put(
+                    "gonio_layout",
+                    "one row; pixel k: k degrees between the view and the mirror direction; linear between pixel centres, the last one beyond",
+                );
                 let last = (45.0 + self.options.largest.degrees()) as usize;
                 let row = (0..=last).map(|k| {
                     let signed = 45.0 - k as f64;
@@ -205,14 +233,21 @@ impl<'a> Drawn<'a> {
             }
             Representation::FlakeMap(_) => {
                 put("gonio_kind", "flake-map, harmonic 0");
-                put("gonio_layout", "x = (N-1) n sin(theta_inc), y = (N-1) sqrt(n sin(theta_flake)), from the centre of the upper left pixel; N pixels each way, bilinear; angles inside the coat");
-                let values = (0..n * n).map(|i| flake_texel(&self.built, i % n, i / n, n, self.options.index));
+                put(
+                    "gonio_layout",
+                    "x = (N-1) n sin(theta_inc), y = (N-1) sqrt(n sin(theta_flake)), from the centre of the upper left pixel; N pixels each way, bilinear; angles inside the coat",
+                );
+                let values =
+                    (0..n * n).map(|i| flake_texel(&self.built, i % n, i / n, n, self.options.index));
                 (n, n, values.collect())
             }
             _ => {
                 put("gonio_kind", "colour-map");
                 put("gonio_method", method.name());
-                put("gonio_layout", "s(t) = sqrt((1 - cos t)/(1 - cos largest)), at most 1; x = (N-1) s(theta_ill); y = (N-1) (1 - s(theta_det)) for phi_det = 180 degrees, (N-1) (1 + s(theta_det)) for phi_det = 0, from the centre of the upper left pixel; N across, 2N-1 down, bilinear; (theta_ill, theta_det, phi_det) by the isoline of index and method");
+                put(
+                    "gonio_layout",
+                    "s(t) = sqrt((1 - cos t)/(1 - cos largest)), at most 1; x = (N-1) s(theta_ill); y = (N-1) (1 - s(theta_det)) for phi_det = 180 degrees, (N-1) (1 + s(theta_det)) for phi_det = 0, from the centre of the upper left pixel; N across, 2N-1 down, bilinear; (theta_ill, theta_det, phi_det) by the isoline of index and method",
+                );
                 let end = 1.0 - self.options.largest.cos();
                 let angle = |k: usize| {
                     let s = k as f64 / (n - 1) as f64;
@@ -226,7 +261,12 @@ impl<'a> Drawn<'a> {
                 (n, 2 * n - 1, values.collect())
             }
         };
-        MapImage { width, height, values: values.into_iter().map(|f: Rgb| f.map(|x| x as f32)).collect(), attributes }
+        MapImage {
+            width,
+            height,
+            values: values.into_iter().map(|f: Rgb| f.map(|x| x as f32)).collect(),
+            attributes,
+        }
     }
 }
 
@@ -257,7 +297,8 @@ fn flake_texel(built: &Built, x: usize, y: usize, n: usize, index: f64) -> Rgb {
     let (u, v) = (x as f64 / (n - 1) as f64, y as f64 / (n - 1) as f64);
     let at = |scale: f64| {
         let angle = |s: f64| Angle::from_radians(s.clamp(0.0, 1.0).asin());
-        let f = FlakeAngles { theta_inc: angle(scale * u / index), theta_flake: angle(scale * v * v / index) };
+        let f =
+            FlakeAngles { theta_inc: angle(scale * u / index), theta_flake: angle(scale * v * v / index) };
         across(built, f, index).map(|c| c.0)
     };
     (0..=400).find_map(|k| at(1.0 - f64::from(k) / 400.0)).unwrap_or([0.0; 3])

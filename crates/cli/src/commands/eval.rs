@@ -22,7 +22,8 @@ type Said = (Rgb, Option<Standing>);
 /// # Errors
 /// [`Failure::Usage`] for files that cannot be read, a representation that is not known or cannot be made of the file.
 pub fn run(a: &EvalArguments, printer: Printer) -> Result<Outcome, Failure> {
-    let representation: Representation = a.representation.parse().map_err(|e| Failure::usage(format!("--as: {e}")))?;
+    let representation: Representation =
+        a.representation.parse().map_err(|e| Failure::usage(format!("--as: {e}")))?;
     output::check_free(&a.output, a.force)?;
     output::check_apart(&a.output, &[Path::new(&a.input), &a.geometries])?;
     let material = effect::material(&a.input)?;
@@ -36,7 +37,13 @@ pub fn run(a: &EvalArguments, printer: Printer) -> Result<Outcome, Failure> {
     let mut text = String::from("theta_i_deg,theta_o_deg,phi_deg,r,g,b");
     text.push_str(if flagged { ",flag\n" } else { "\n" });
     for (g, ([r, green, b], standing)) in geometries.iter().zip(&said) {
-        let _ = write!(text, "{},{},{},{r},{green},{b}", g.theta_i.degrees(), g.theta_o.degrees(), g.phi.degrees());
+        let _ = write!(
+            text,
+            "{},{},{},{r},{green},{b}",
+            g.theta_i.degrees(),
+            g.theta_o.degrees(),
+            g.phi.degrees()
+        );
         let _ = match standing {
             Some(s) if flagged => writeln!(text, ",{}", s.flag()),
             _ => writeln!(text),
@@ -49,7 +56,8 @@ pub fn run(a: &EvalArguments, printer: Printer) -> Result<Outcome, Failure> {
         (count(Standing::BeyondLargest), "steeper than the map reaches, taken at its edge"),
         (count(Standing::NothingNear), "with no measurement near, continued smoothly"),
     ];
-    let mut lines = format!("{} geometries as {representation}, written to {}", geometries.len(), a.output.display());
+    let mut lines =
+        format!("{} geometries as {representation}, written to {}", geometries.len(), a.output.display());
     for (n, words) in parts.iter().filter(|p| p.0 > 0) {
         let _ = write!(lines, "\n  {n} {words} (flag 2)");
     }

@@ -17,25 +17,33 @@ use gonio_render::plots::pareto::size_in_words;
 /// # Errors
 /// [`Failure::Usage`] for input that cannot be read or fitted.
 pub fn fit(a: &FitArguments, printer: Printer) -> Result<Outcome, Failure> {
-    let representation: Representation = a.model.parse().map_err(|e| Failure::usage(format!("--model: {e}")))?;
+    let representation: Representation =
+        a.model.parse().map_err(|e| Failure::usage(format!("--model: {e}")))?;
     if a.report.is_some() || a.weights.is_some() {
         return Err(Failure::usage(
             "--report and --weights belong to models; of a flake map `gonio trade` makes the report, and its weights are solid angle and σ",
         ));
     }
     if !(a.max_angle_deg > 0.0 && a.max_angle_deg <= 90.0) {
-        return Err(Failure::usage(format!("--max-angle-deg {}: expected an angle above 0, at most 90", a.max_angle_deg)));
+        return Err(Failure::usage(format!(
+            "--max-angle-deg {}: expected an angle above 0, at most 90",
+            a.max_angle_deg
+        )));
     }
     if let Some(path) = &a.output {
         output::check_free(path, a.force)?;
         output::check_apart(path, &[Path::new(&a.input)])?;
     }
     let material = effect::material(&a.input)?;
-    let options = Options { largest: Angle::from_degrees(a.max_angle_deg), ..Options::new(effect::index(a.index, &material)?) };
-    let (built, difference, findings) =
-        assess(&material, representation, &options, GeometrySet::All).map_err(|e| Failure::usage(format!("{}: {e}", a.input)))?;
+    let options = Options {
+        largest: Angle::from_degrees(a.max_angle_deg),
+        ..Options::new(effect::index(a.index, &material)?)
+    };
+    let (built, difference, findings) = assess(&material, representation, &options, GeometrySet::All)
+        .map_err(|e| Failure::usage(format!("{}: {e}", a.input)))?;
     effect::say(&findings);
-    let map = built.flake_map().ok_or_else(|| Failure::usage(format!("--model {}: no flake map", a.model)))?;
+    let map =
+        built.flake_map().ok_or_else(|| Failure::usage(format!("--model {}: no flake map", a.model)))?;
     if let Some(path) = &a.output {
         let text = map.to_json().map_err(|e| Failure::failed("the map cannot be written", e))?;
         output::write_whole(path, text.as_bytes())?;

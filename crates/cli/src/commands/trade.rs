@@ -9,7 +9,9 @@ use gonio_render::Report;
 use gonio_render::plots::pareto::size_in_words;
 use gonio_render::plots::{Pareto, ParetoPoint};
 use gonio_render::report::{Block, Fact, Figure, KeyFigure, Notice, Section, Weight, significant};
-use gonio_tailor::{Candidate, ColourSpread, GeometrySet, Material, Options, Representation, Trade, TradeOptions, trade};
+use gonio_tailor::{
+    Candidate, ColourSpread, GeometrySet, Material, Options, Representation, Trade, TradeOptions, trade,
+};
 use serde_json::{Value, json};
 
 use super::colormap::Drawn;
@@ -89,8 +91,27 @@ fn candidates(only: &[String]) -> Result<Vec<Representation>, Failure> {
 fn table(t: &Trade) -> String {
     let mut out = format!(
         "{}, index {}: {} geometries ({}), {:.1} % beyond the critical angle\n\n{:<28} {:>9} {:>9} {:>9}   {:^20}   {:^20}\n{:<28} {:>9} {:>9} {:>9}   {:>6} {:>6} {:>6}   {:>6} {:>6} {:>6}\n",
-        t.name, t.index, t.geometries, t.judged, 100.0 * t.beyond_critical, "", "ns", "million", "", "ΔE beyond 15°", "ΔE within 15°",
-        "", "each", "per s", "size", "mean", "95 %", "max", "mean", "95 %", "max"
+        t.name,
+        t.index,
+        t.geometries,
+        t.judged,
+        100.0 * t.beyond_critical,
+        "",
+        "ns",
+        "million",
+        "",
+        "ΔE beyond 15°",
+        "ΔE within 15°",
+        "",
+        "each",
+        "per s",
+        "size",
+        "mean",
+        "95 %",
+        "max",
+        "mean",
+        "95 %",
+        "max"
     );
     let spread = |s: Option<ColourSpread>| match s {
         Some(s) => format!("{:>6.2} {:>6.2} {:>6.2}", s.mean, s.p95, s.max),
@@ -126,8 +147,11 @@ fn to_json(a: &TradeArguments, t: &Trade) -> Value {
             "arithmetic": c.arithmetic, "bytes": c.bytes, "delta_e": c.difference, "on_front": c.on_front,
         })
     };
-    let left: Vec<Value> =
-        t.left_out.iter().map(|l| json!({ "name": l.representation.to_string(), "reason": l.reason })).collect();
+    let left: Vec<Value> = t
+        .left_out
+        .iter()
+        .map(|l| json!({ "name": l.representation.to_string(), "reason": l.reason }))
+        .collect();
     json!({
         "input": a.input, "name": t.name, "index": t.index, "judged": t.judged, "geometries": t.geometries,
         "beyond_critical_share": t.beyond_critical, "largest_deg": a.map.largest_deg, "optimised": !cfg!(debug_assertions),
@@ -267,7 +291,11 @@ fn maps(material: &Material, build: &Options) -> Vec<Figure> {
             "colour-map",
             "Kirchner's colour map: in-plane geometries, striped where only geometries out of the plane show the colours.",
         ),
-        (Representation::FlakeMap(0), "flake-map", "The flake map: the same colours over what the flakes see. All geometries have a place here."),
+        (
+            Representation::FlakeMap(0),
+            "flake-map",
+            "The flake map: the same colours over what the flakes see. All geometries have a place here.",
+        ),
     ];
     kinds
         .into_iter()
@@ -311,7 +339,19 @@ fn key_figures(t: &Trade) -> Vec<KeyFigure> {
 }
 
 fn rows(t: &Trade) -> Block {
-    let head = ["Representation", "ns", "million/s", "size", "mean beyond 15°", "95 %", "max", "mean within 15°", "95 %", "max", "front"];
+    let head = [
+        "Representation",
+        "ns",
+        "million/s",
+        "size",
+        "mean beyond 15°",
+        "95 %",
+        "max",
+        "mean within 15°",
+        "95 %",
+        "max",
+        "front",
+    ];
     let spread = |s: Option<ColourSpread>| match s {
         Some(s) => [s.mean, s.p95, s.max].map(|x| significant(x, 3)),
         None => ["–", "–", "–"].map(str::to_owned),

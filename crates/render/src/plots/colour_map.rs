@@ -60,7 +60,11 @@ fn place(c: f64, w: f64, index: f64) -> Place {
     let theta_det = Angle::from_radians((1.0 - w.abs()).clamp(0.0, 1.0).acos());
     let phi = if w >= 0.0 { Angle::STRAIGHT } else { Angle::ZERO };
     if c >= 0.0 {
-        return Place::InPlane(Geometry { theta_i: Angle::from_radians(c.min(1.0).acos()), theta_o: theta_det, phi });
+        return Place::InPlane(Geometry {
+            theta_i: Angle::from_radians(c.min(1.0).acos()),
+            theta_o: theta_det,
+            phi,
+        });
     }
     let sine = (1.0 - c) / index;
     if sine >= 1.0 {
@@ -73,7 +77,10 @@ fn place(c: f64, w: f64, index: f64) -> Place {
     if inc < 0.0 || flake < 0.0 || inc.cos() * flake.cos() < steepest {
         return Place::Nowhere;
     }
-    Place::Beyond(FlakeAngles { theta_inc: Angle::from_radians(inc), theta_flake: Angle::from_radians(flake) })
+    Place::Beyond(FlakeAngles {
+        theta_inc: Angle::from_radians(inc),
+        theta_flake: Angle::from_radians(flake),
+    })
 }
 
 /// How far the map goes beyond the critical angle: 1 − n sin(2 θ), where cos² θ is the cosine of the steepest direction inside.
@@ -114,7 +121,10 @@ impl ColourMapPlot<'_> {
         let area = Area::new(78.0, top, UNIT * (1.0 - left), 2.0 * UNIT);
         let mut canvas = Canvas::new(area.right() + 96.0, area.bottom() + 132.0);
         title(&mut canvas, &self.title);
-        let shown = |f: Option<Rgb>| f.filter(|f| f.iter().all(|x| x.is_finite())).map(|f| tone.display(f.map(|x| x * std::f64::consts::PI)));
+        let shown = |f: Option<Rgb>| {
+            f.filter(|f| f.iter().all(|x| x.is_finite()))
+                .map(|f| tone.display(f.map(|x| x * std::f64::consts::PI)))
+        };
         canvas.paint(area, 2, |u, v| {
             let (x, y) = (u * area.w, v * area.h);
             match place(left + u * (1.0 - left), 1.0 - 2.0 * v, self.index) {
@@ -125,7 +135,13 @@ impl ColourMapPlot<'_> {
                     Some(match (colour, stripe) {
                         (Some(c), false) => c,
                         (Some(_), true) => STRIPES,
-                        (None, s) => if s { MUTED } else { FAINT },
+                        (None, s) => {
+                            if s {
+                                MUTED
+                            } else {
+                                FAINT
+                            }
+                        }
                     })
                 }
                 Place::Nowhere => None,
@@ -138,7 +154,9 @@ impl ColourMapPlot<'_> {
     }
 
     fn lines(&self, canvas: &mut Canvas, area: Area, left: f64) {
-        let at = |c: f64, w: f64| -> At { (area.x + (c - left) / (1.0 - left) * area.w, area.y + 0.5 * (1.0 - w) * area.h) };
+        let at = |c: f64, w: f64| -> At {
+            (area.x + (c - left) / (1.0 - left) * area.w, area.y + 0.5 * (1.0 - w) * area.h)
+        };
         let white = |canvas: &mut Canvas, p: &[At], dashed: bool| {
             if dashed {
                 canvas.dashed(p, 2.2, 4.0, 2.5, [255; 3]);
@@ -160,7 +178,8 @@ impl ColourMapPlot<'_> {
                     .filter_map(|k| {
                         let ill = Angle::from_degrees(f64::from(k));
                         let det = ill + cone * sign;
-                        (det.degrees() <= 90.0).then(|| at(ill.cos(), (1.0 - det.cos()).copysign(det.radians())))
+                        (det.degrees() <= 90.0)
+                            .then(|| at(ill.cos(), (1.0 - det.cos()).copysign(det.radians())))
                     })
                     .collect();
                 white(canvas, &edge, true);
@@ -180,8 +199,13 @@ impl ColourMapPlot<'_> {
             entries.push((Key::Dashed(INK), format!("gloss taken off within {}°", short(cone.degrees()))));
         }
         if left < -1e-6 {
-            let words = if self.beyond.is_some() { "striped: critical region, colours of the flake map" } else { "critical region: no in-plane geometry" };
-            entries.push((Key::Patch(if self.beyond.is_some() { [0xc8; 3] } else { FAINT }), words.to_owned()));
+            let words = if self.beyond.is_some() {
+                "striped: critical region, colours of the flake map"
+            } else {
+                "critical region: no in-plane geometry"
+            };
+            entries
+                .push((Key::Patch(if self.beyond.is_some() { [0xc8; 3] } else { FAINT }), words.to_owned()));
         }
         if !self.measured.is_empty() {
             entries.push((Key::Dot(INK), "measured".to_owned()));
@@ -193,7 +217,11 @@ impl ColourMapPlot<'_> {
         if !known || (self.in_plane)(Geometry::from_degrees(89.9, 89.9, 0.0)).is_none() {
             entries.push((Key::Hatched, "not measured".to_owned()));
         }
-        let white = if factor == 1.0 { "white: R = πf = 1".to_owned() } else { format!("brightened × {}", short(factor)) };
+        let white = if factor == 1.0 {
+            "white: R = πf = 1".to_owned()
+        } else {
+            format!("brightened × {}", short(factor))
+        };
         entries.push((Key::Patch([255; 3]), white));
         let used = legend::draw(canvas, (area.x, area.bottom() + 54.0), area.w + 80.0, &entries);
         let small = Text::new(9.5, MUTED).at(Anchor::Start, Anchor::Middle);
@@ -246,7 +274,13 @@ mod tests {
     #[test]
     fn every_geometry_has_its_place_and_sees_the_same_flake_there() {
         let mut beyond = 0;
-        for (ti, to, phi) in [(75.0, 75.0, 110.0), (80.0, 60.0, 90.0), (60.0, 70.0, 120.0), (30.0, 40.0, 20.0), (85.0, 85.0, 60.0)] {
+        for (ti, to, phi) in [
+            (75.0, 75.0, 110.0),
+            (80.0, 60.0, 90.0),
+            (60.0, 70.0, 120.0),
+            (30.0, 40.0, 20.0),
+            (85.0, 85.0, 60.0),
+        ] {
             let (l, v) = Geometry::from_degrees(ti, to, phi).directions();
             let line = isoline(l, v, 1.5, Method::Clip);
             let x = 1.5 * (line.flake.theta_inc + line.flake.theta_flake).sin();
@@ -258,7 +292,9 @@ mod tests {
                 assert!((f.theta_flake - line.flake.theta_flake).abs().degrees() < 1e-9);
                 assert!(1.0 - x >= left_end(1.5));
             } else {
-                let Place::InPlane(g) = place(line.theta_ill.cos(), w, 1.5) else { panic!("not in the plane") };
+                let Place::InPlane(g) = place(line.theta_ill.cos(), w, 1.5) else {
+                    panic!("not in the plane")
+                };
                 assert!((g.theta_o - line.theta_det).abs().degrees() < 1e-5 && g.phi == line.phi_det);
             }
         }
@@ -268,7 +304,9 @@ mod tests {
 
     #[test]
     fn what_is_not_measured_is_hatched_and_the_measured_has_its_colour() {
-        let red = |g: Geometry| (g.theta_i.degrees() <= 75.0 && g.theta_o.degrees() <= 75.0).then_some([0.2, 0.0, 0.0]);
+        let red = |g: Geometry| {
+            (g.theta_i.degrees() <= 75.0 && g.theta_o.degrees() <= 75.0).then_some([0.2, 0.0, 0.0])
+        };
         let plot = ColourMapPlot {
             title: String::new(),
             in_plane: &red,

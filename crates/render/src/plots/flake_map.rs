@@ -39,7 +39,8 @@ pub struct FlakeMapPlot<'a> {
 #[must_use]
 pub fn directions(flake: FlakeAngles, azimuth: Angle, index: f64) -> Option<(Vec3, Vec3)> {
     let half = Vec3::from_polar(flake.theta_flake, Angle::ZERO);
-    let (across, along) = (Vec3::new(0.0, 1.0, 0.0), Vec3::new(flake.theta_flake.cos(), 0.0, -flake.theta_flake.sin()));
+    let (across, along) =
+        (Vec3::new(0.0, 1.0, 0.0), Vec3::new(flake.theta_flake.cos(), 0.0, -flake.theta_flake.sin()));
     let (s, c) = azimuth.sin_cos();
     let side = along * c + across * s;
     let (si, ci) = flake.theta_inc.sin_cos();
@@ -100,10 +101,16 @@ impl FlakeMapPlot<'_> {
             (Key::Line(INK), "critical angle: in-plane geometries end here".to_owned()),
             (Key::Dashed(INK), format!("light and view at {}° and less", short(self.largest.degrees()))),
         ];
-        if (0..400).any(|k| (self.colour)(at_flake(f64::from(k % 20) / 20.0, f64::from(k / 20) / 20.0)).is_some_and(|c| !c.1)) {
+        if (0..400).any(|k| {
+            (self.colour)(at_flake(f64::from(k % 20) / 20.0, f64::from(k / 20) / 20.0)).is_some_and(|c| !c.1)
+        }) {
             entries.push((Key::Hatched, "striped: continued, nothing measured near".to_owned()));
         }
-        let white = if factor == 1.0 { "white: R = πf = 1".to_owned() } else { format!("brightened × {}", short(factor)) };
+        let white = if factor == 1.0 {
+            "white: R = πf = 1".to_owned()
+        } else {
+            format!("brightened × {}", short(factor))
+        };
         entries.push((Key::Patch([255; 3]), white));
         let used = legend::draw(&mut canvas, (area.x, area.bottom() + 54.0), area.w, &entries);
         let small = Text::new(9.5, MUTED).at(Anchor::Start, Anchor::Middle);
@@ -112,7 +119,8 @@ impl FlakeMapPlot<'_> {
     }
 
     fn lines(&self, canvas: &mut Canvas, area: Area, end: f64) {
-        let at = |inc: f64, flake: f64| -> At { (area.x + inc / end * area.w, area.y + flake / end * area.h) };
+        let at =
+            |inc: f64, flake: f64| -> At { (area.x + inc / end * area.w, area.y + flake / end * area.h) };
         let curve = |limit: f64| -> Vec<At> {
             let steepest = limit.to_radians().cos();
             (0..=120)
@@ -163,8 +171,11 @@ mod tests {
 
     #[test]
     fn directions_see_the_flake_they_were_made_for() {
-        for (inc, flake, azimuth) in [(10.0, 20.0, 0.0), (30.0, 25.0, 90.0), (5.0, 35.0, 60.0), (0.0, 0.0, 10.0)] {
-            let want = FlakeAngles { theta_inc: Angle::from_degrees(inc), theta_flake: Angle::from_degrees(flake) };
+        for (inc, flake, azimuth) in
+            [(10.0, 20.0, 0.0), (30.0, 25.0, 90.0), (5.0, 35.0, 60.0), (0.0, 0.0, 10.0)]
+        {
+            let want =
+                FlakeAngles { theta_inc: Angle::from_degrees(inc), theta_flake: Angle::from_degrees(flake) };
             let (l, v) = directions(want, Angle::from_degrees(azimuth), 1.5).unwrap();
             let is = flake_angles(l, v, 1.5);
             assert!((is.theta_inc - want.theta_inc).abs().degrees() < 1e-6, "{is:?}");
@@ -172,7 +183,8 @@ mod tests {
             assert!((l.norm() - 1.0).abs() < 1e-12 && (v.norm() - 1.0).abs() < 1e-12);
         }
         // beyond the critical angle there is no in-plane pair, but one across the meridian
-        let beyond = FlakeAngles { theta_inc: Angle::from_degrees(28.0), theta_flake: Angle::from_degrees(28.0) };
+        let beyond =
+            FlakeAngles { theta_inc: Angle::from_degrees(28.0), theta_flake: Angle::from_degrees(28.0) };
         assert!(directions(beyond, Angle::ZERO, 1.5).is_none());
         assert!(directions(beyond, Angle::RIGHT, 1.5).is_some());
         assert!(possible(beyond, inside(Angle::RIGHT, 1.5)));
@@ -189,7 +201,9 @@ mod tests {
             note: String::new(),
         };
         let p = plot.draw();
-        let at = |u: f64, v: f64| p.get((2.0 * (74.0 + u * SIDE)) as u32, (2.0 * (14.0 + v * SIDE)) as u32).unwrap();
+        let at = |u: f64, v: f64| {
+            p.get((2.0 * (74.0 + u * SIDE)) as u32, (2.0 * (14.0 + v * SIDE)) as u32).unwrap()
+        };
         assert_eq!(at(0.95, 0.95), [255; 3]);
         assert!(at(0.3, 0.3)[1] > 100 && at(0.3, 0.3)[0] == 0);
     }

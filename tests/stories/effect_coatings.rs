@@ -89,7 +89,7 @@ fn a_flake_map_is_saved_told_and_used_like_any_material() {
         &["fit", "map.json", "--model", "flake-map:2", "-o", "large.json"],
         &["harmonics", "measurement"],
     );
-    bench.ok(&["colormap", "map.json", "--flake", "1", "-o", "map.png"]);
+    bench.ok(&["colormap", "map.json", "--flake=1", "-o", "map.png"]);
     bench.ok(&["convert", "map.json", "sampled.csv"]);
     let trade = bench.ok(&["trade", "map.json", "--only", "clip,flake-map:1", "--json"]).json();
     let exact = trade["candidates"][1]["delta_e"]["beyond_15_deg"]["max"].as_f64().expect("a number");
@@ -294,7 +294,13 @@ fn what_cannot_be_known_is_said_and_never_made_up() {
 
     // nothing measured where it is asked for
     let low: Vec<(f64, f64, f64)> = (0..36)
-        .map(|k| (10.0 * f64::from(k % 3), 10.0 + 5.0 * f64::from(k / 9), 60.0 * f64::from(k / 3 % 3)))
+        .map(|k| {
+            (
+                10.0 * f64::from(k % 3),
+                10.0 + 5.0 * f64::from(k / 9),
+                60.0 * f64::from(k / 3 % 3) + f64::from(k % 3),
+            )
+        })
         .collect();
     measured(&bench, &low, "low.csv");
     bench.write("far.csv", format!("{HEAD}\n70,70,90\n"));
@@ -375,7 +381,7 @@ fn words_and_numbers_that_do_not_fit_are_answered() {
         &["colormap", "paint.json", "--method", "walk", "-o", "map.png"],
         &["walk", "unit-index"],
     );
-    refused(&bench, &["colormap", "paint.json", "--flake", "7", "-o", "map.png"], &["flake-map:7"]);
+    refused(&bench, &["colormap", "paint.json", "--flake=7", "-o", "map.png"], &["flake-map:7"]);
     refused(&bench, &["trade", "paint.json", "--only", "clip,teapot"], &["teapot", "map-vector"]);
     refused(&bench, &["fit", "paint.json", "--model", "flake-map", "-o", "x.json"], &["flake-map:K"]);
     refused(&bench, &["fit", "paint.json", "--model", "flake-map:1", "--weights", "sopp"], &["--weights"]);

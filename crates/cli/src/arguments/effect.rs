@@ -56,7 +56,7 @@ pub struct ColormapArguments {
     #[arg(long, conflicts_with = "flake")]
     pub aspecular: bool,
     /// The flake map of K harmonics instead, over what the flake sees (0 to 3)
-    #[arg(long, value_name = "K", num_args = 0..=1, default_missing_value = "0")]
+    #[arg(long, value_name = "K", num_args = 0..=1, default_missing_value = "0", require_equals = true)]
     pub flake: Option<usize>,
     /// Brightening of the picture; by default a round factor that suits
     #[arg(long)]

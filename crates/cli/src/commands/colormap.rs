@@ -158,7 +158,7 @@ impl<'a> Drawn<'a> {
         ColourMapPlot {
             title: format!("{name} of {}", self.material.name),
             in_plane: &in_plane,
-            beyond: (flake.is_some() && !aspecular).then_some(&beyond),
+            beyond: if flake.is_some() && !aspecular { Some(&beyond) } else { None },
             index: self.options.index,
             cone: match self.gloss {
                 Some(Gloss::Filled { cone_deg }) => Some(Angle::from_degrees(cone_deg)),

@@ -1,5 +1,7 @@
 //! What is worth saying about a material before its numbers are used: nothing is made up silently.
 
+use gonio_brdf::maps;
+
 use crate::{GlossPeak, Material};
 
 /// One thing found.
@@ -24,6 +26,8 @@ pub enum Finding {
         /// Of how many.
         of: usize,
     },
+    /// What a flake map says of itself.
+    Map(maps::Finding),
     /// Few measurements: the map between them is a smooth continuation.
     Sparse {
         /// How many.
@@ -56,6 +60,10 @@ impl Finding {
             Self::Uncoated { .. } => "uncoated",
             Self::AllInPlane { .. } => "all-in-plane",
             Self::NotMeasured { .. } => "not-measured",
+            Self::Map(maps::Finding::AllInPlane { .. }) => "all-in-plane",
+            Self::Map(maps::Finding::CoatNotSeen { .. }) => "coat-not-seen",
+            Self::Map(maps::Finding::MostlyContinued { .. }) => "mostly-continued",
+            Self::Map(maps::Finding::Estimated { .. }) => "estimated",
             Self::Sparse { .. } => "sparse",
         }
     }
@@ -82,6 +90,7 @@ impl std::fmt::Display for Finding {
             Self::NotMeasured { count, of } => {
                 write!(f, "{count} of {of} geometries asked for have no measurement near and are left out")
             }
+            Self::Map(finding) => finding.fmt(f),
             Self::Sparse { count } => {
                 write!(
                     f,

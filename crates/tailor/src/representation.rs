@@ -201,6 +201,19 @@ pub enum Standing {
     BeyondLargest,
     /// Nothing was measured near: a smooth continuation.
     NothingNear,
+    /// Within the cone about the mirror direction that a flake map leaves out: its answer has no gloss.
+    Gloss,
+}
+
+impl From<maps::Standing> for Standing {
+    fn from(s: maps::Standing) -> Self {
+        match s {
+            maps::Standing::Measured => Self::Supported,
+            maps::Standing::Continued => Self::NothingNear,
+            maps::Standing::Gloss => Self::Gloss,
+            maps::Standing::BeyondLargest | maps::Standing::BelowHorizon => Self::BeyondLargest,
+        }
+    }
 }
 
 impl Standing {
@@ -293,7 +306,14 @@ fn flake_map(
         }
         findings.push(Finding::AllInPlane { count: samples.len() });
     }
-    Ok(FlakeMap::fit(&material.name, &samples, &options.flake(harmonics))?)
+    let wanted = options.flake(harmonics);
+    // cells of a table are met by means over them, points at themselves
+    let map = match material.table() {
+        Some(table) => FlakeMap::fit_table(&material.name, table, &wanted)?,
+        None => FlakeMap::fit(&material.name, &samples, &wanted)?,
+    };
+    findings.extend(map.findings().iter().cloned().map(Finding::Map));
+    Ok(map)
 }
 
 /// Whether light, view and normal lie in one plane, to half a degree of azimuth.
@@ -392,11 +412,7 @@ impl Built {
                     return Standing::CriticalAngle;
                 }
             }
-            Evaluator::Flake(m) => {
-                if !m.covers(light, view) {
-                    return Standing::NothingNear;
-                }
-            }
+            Evaluator::Flake(m) => return m.standing(light, view).into(),
             Evaluator::Table(_) | Evaluator::Aspecular(_) | Evaluator::Model(..) => {}
         }
         if steep && !matches!(self.evaluator, Evaluator::Table(_)) {

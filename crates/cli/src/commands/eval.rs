@@ -14,10 +14,17 @@ use crate::effect;
 use crate::outcome::{Failure, Outcome};
 use crate::output::{self, Printer};
 
-/// What is said of one geometry; the standing only by representations that know theirs.
-type Said = (Rgb, Option<Standing>);
+/// What is said of one geometry.
+struct Said {
+    /// f in 1/sr.
+    value: Rgb,
+    /// Standard uncertainty in 1/sr, where the representation states one.
+    sigma: Option<Rgb>,
+    /// Only by representations that know theirs.
+    standing: Option<Standing>,
+}
 
-/// Appends r,g,b (1/sr) to every geometry, and a flag where the representation knows what it covers.
+/// Appends r,g,b (1/sr) to every geometry, σ where the representation states one, and a flag where it knows what it covers.
 ///
 /// # Errors
 /// [`Failure::Usage`] for files that cannot be read, a representation that is not known or cannot be made of the file.
@@ -33,28 +40,14 @@ pub fn run(a: &EvalArguments, printer: Printer) -> Result<Outcome, Failure> {
         _ => as_other(a, &material, representation, &geometries)?,
     };
     effect::say(&findings);
-    let flagged = said.iter().any(|s| s.1.is_some());
-    let mut text = String::from("theta_i_deg,theta_o_deg,phi_deg,r,g,b");
-    text.push_str(if flagged { ",flag\n" } else { "\n" });
-    for (g, ([r, green, b], standing)) in geometries.iter().zip(&said) {
-        let _ = write!(
-            text,
-            "{},{},{},{r},{green},{b}",
-            g.theta_i.degrees(),
-            g.theta_o.degrees(),
-            g.phi.degrees()
-        );
-        let _ = match standing {
-            Some(s) if flagged => writeln!(text, ",{}", s.flag()),
-            _ => writeln!(text),
-        };
-    }
+    let text = to_csv(&geometries, &said);
     output::write_whole(&a.output, text.as_bytes())?;
-    let count = |s: Standing| said.iter().filter(|x| x.1 == Some(s)).count();
+    let count = |s: Standing| said.iter().filter(|x| x.standing == Some(s)).count();
     let parts = [
         (count(Standing::CriticalAngle), "beyond the critical angle, where the method's rule decides"),
         (count(Standing::BeyondLargest), "steeper than the map reaches, taken at its edge"),
         (count(Standing::NothingNear), "with no measurement near, continued smoothly"),
+        (count(Standing::Gloss), "about the mirror direction, where the map leaves the gloss out"),
     ];
     let mut lines =
         format!("{} geometries as {representation}, written to {}", geometries.len(), a.output.display());
@@ -65,11 +58,33 @@ pub fn run(a: &EvalArguments, printer: Printer) -> Result<Outcome, Failure> {
         &lines,
         &json!({
             "geometries": geometries.len(), "representation": representation.to_string(),
-            "beyond_critical_angle": parts[0].0, "beyond_largest": parts[1].0, "nothing_near": parts[2].0,
+            "beyond_critical_angle": parts[0].0, "beyond_largest": parts[1].0, "nothing_near": parts[2].0, "within_gloss": parts[3].0,
             "findings": effect::findings_json(&findings), "output": output::shown(&a.output),
         }),
     );
     Ok(Outcome::Done)
+}
+
+/// `theta_i_deg,theta_o_deg,phi_deg,r,g,b[,sigma_r,sigma_g,sigma_b][,flag]`.
+fn to_csv(geometries: &[Geometry], said: &[Said]) -> String {
+    let (sigma, flag) = (said.iter().any(|s| s.sigma.is_some()), said.iter().any(|s| s.standing.is_some()));
+    let mut text = String::from("theta_i_deg,theta_o_deg,phi_deg,r,g,b");
+    text.push_str(if sigma { ",sigma_r,sigma_g,sigma_b" } else { "" });
+    text.push_str(if flag { ",flag\n" } else { "\n" });
+    for (g, s) in geometries.iter().zip(said) {
+        let mut cells: Vec<String> =
+            [g.theta_i, g.theta_o, g.phi].iter().map(|a| a.degrees().to_string()).collect();
+        cells.extend(s.value.iter().map(ToString::to_string));
+        if sigma {
+            cells.extend(s.sigma.unwrap_or_default().iter().map(ToString::to_string));
+        }
+        if flag {
+            cells.push(s.standing.map_or(0, Standing::flag).to_string());
+        }
+        text.push_str(&cells.join(","));
+        text.push('\n');
+    }
+    text
 }
 
 fn as_it_is(material: &Material, geometries: &[Geometry]) -> Result<Vec<Said>, Failure> {
@@ -82,8 +97,8 @@ fn as_it_is(material: &Material, geometries: &[Geometry]) -> Result<Vec<Said>, F
     let map = material.flake_map();
     let at = |g: &Geometry| {
         let (l, v) = g.directions();
-        let standing = map.map(|m| if m.covers(l, v) { Standing::Supported } else { Standing::NothingNear });
-        (brdf.eval(l, v), standing)
+        let standing = map.map(|m| m.standing(l, v).into());
+        Said { value: brdf.eval(l, v), sigma: map.and_then(|m| m.sigma(l, v)), standing }
     };
     Ok(geometries.iter().map(at).collect())
 }
@@ -102,7 +117,8 @@ fn as_other(
     findings.extend(built.findings.iter().cloned());
     let at = |g: &Geometry| {
         let (l, v) = g.directions();
-        (built.eval(l, v), Some(built.standing(l, v)))
+        let sigma = built.flake_map().and_then(|m| m.sigma(l, v));
+        Said { value: built.eval(l, v), sigma, standing: Some(built.standing(l, v)) }
     };
     Ok((geometries.iter().map(at).collect(), findings))
 }

@@ -8,7 +8,7 @@
 use gonio_brdf::maps::speed::{self, Candidate};
 
 fn main() {
-    let report = speed::measure(61, 20_000);
+    let report = speed::measure(301, 4_000);
     println!("{:<34} {:>8} {:>8} {:>10} {:>10} {:>9}", "", "median", "least", "× table", "× trig.", "bytes");
     for (candidate, time) in &report {
         let ratio = |base: Candidate| speed::ratio(&report, base, *candidate);

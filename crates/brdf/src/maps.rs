@@ -20,6 +20,7 @@ pub mod flake_options;
 mod flake_point;
 mod flake_rows;
 pub mod lookup_table;
+pub mod multi_angle;
 pub mod samples;
 pub mod speed;
 pub mod transform;
@@ -32,6 +33,7 @@ pub use flake_file::MapFileError;
 pub use flake_map::FlakeMap;
 pub use flake_options::{FitError, FlakeFitOptions, Setting};
 pub use lookup_table::LookupTable;
+pub use multi_angle::{Prior, portable_geometries};
 pub use samples::{Region, Sample};
 pub use transform::Transform;
 

@@ -4,7 +4,7 @@
 //! registers that the processor has (AVX2 where there is one). No step depends on its neighbours, so a geometry gives the same bits alone and in
 //! company, on every processor: products and sums are not contracted.
 
-use super::flake_point::FlakePoint;
+use super::{flake_point::FlakePoint, transform::exp2};
 
 /// What an evaluation reads.
 #[derive(Clone, Copy, Debug)]
@@ -19,8 +19,6 @@ pub(super) struct Table<'a> {
     pub(super) bounds: [[f32; 4]; 2],
     /// β of the edge factor.
     pub(super) edge: f32,
-    /// Whether y is log2 f; else f^(1/3).
-    pub(super) log: bool,
 }
 
 /// The nodes as a place is looked up among them.
@@ -47,15 +45,17 @@ impl Cells {
     /// The cell along each axis, as the lowest bits of two numbers, and the fractions towards the next nodes.
     #[inline(always)]
     pub(super) fn at(&self, p: &FlakePoint) -> [(u32, f32); 2] {
-        let along = |x: f32, axis: usize| {
-            // 2^23: adding it leaves the nearest whole number in the lowest bits. A conversion to an integer would check for what no integer holds,
-            // one number at a time. Half a step below lies the cell; on a node either of its neighbours is right, the fraction says which was taken
-            const WHOLE: f32 = 8_388_608.0;
-            let x = below(x * self.steps[axis], self.end[axis]);
-            let cell = below(above(x - 0.5, 0.0), self.last[axis]) + WHOLE;
-            (cell.to_bits() & 0xffff, x - (cell - WHOLE))
-        };
-        [along(p.sin_inc, 0), along(p.root_flake, 1)]
+        [self.along(p.sin_inc, 0), self.along(p.root_flake, 1)]
+    }
+
+    #[inline(always)]
+    fn along(&self, x: f32, axis: usize) -> (u32, f32) {
+        // 2^23: adding it leaves the nearest whole number in the lowest bits. A conversion to an integer would check for what no integer holds,
+        // one number at a time. Half a step below lies the cell; on a node either of its neighbours is right, the fraction says which was taken
+        const WHOLE: f32 = 8_388_608.0;
+        let x = below(x * self.steps[axis], self.end[axis]);
+        let cell = below(above(x - 0.5, 0.0), self.last[axis]) + WHOLE;
+        (cell.to_bits() & 0xffff, x - (cell - WHOLE))
     }
 }
 
@@ -74,24 +74,31 @@ pub(super) fn below(x: f32, high: f32) -> f32 {
 /// `1 + β (1 − cos θ)^5` of light and view, not below 0.05 each.
 #[inline(always)]
 pub(super) fn edge_factor(cos_i: f32, cos_o: f32, edge: f32) -> f32 {
-    let t = |cos: f32| {
-        let m = above(1.0 - cos, 0.0);
-        above(1.0 + edge * (m * m * m * m * m), 0.05)
-    };
-    t(cos_i) * t(cos_o)
+    one_edge(cos_i, edge) * one_edge(cos_o, edge)
 }
 
-/// f at L geometries with `N = K + 1` terms.
 #[inline(always)]
-pub(super) fn block<const N: usize, const L: usize>(
+fn one_edge(cos: f32, edge: f32) -> f32 {
+    let m = above(1.0 - cos, 0.0);
+    above(1.0 + edge * (m * m * m * m * m), 0.05)
+}
+
+/// f at L geometries with `N = K + 1` terms, y being log2 f or f^(1/3).
+#[inline(always)]
+pub(super) fn block<const N: usize, const L: usize, const LOG: bool>(
     table: &Table<'_>,
     light: &[[f32; 3]; L],
     view: &[[f32; 3]; L],
     out: &mut [[f32; 3]; L],
 ) {
-    let axis = |d: &[[f32; 3]; L], c: usize| std::array::from_fn::<f32, L, _>(|i| d[i][c]);
-    let l: [[f32; L]; 3] = std::array::from_fn(|c| axis(light, c));
-    let v: [[f32; L]; 3] = std::array::from_fn(|c| axis(view, c));
+    // plain loops throughout: a closure that is not inlined leaves the vector registers
+    let (mut l, mut v) = ([[0.0; L]; 3], [[0.0; L]; 3]);
+    for i in 0..L {
+        for c in 0..3 {
+            l[c][i] = light[i][c];
+            v[c][i] = view[i][c];
+        }
+    }
     let (mut first, mut a, mut b) = ([0u32; L], [0.0; L], [0.0; L]);
     let (mut p, mut scale) = ([[0.0; L]; 2], [0.0; L]);
     for i in 0..L {
@@ -103,18 +110,16 @@ pub(super) fn block<const N: usize, const L: usize>(
         if N > 1 {
             [p[0][i], p[1][i]] = at.first_harmonic();
         }
-        let lit = if l[2][i] < 0.0 || v[2][i] < 0.0 { 0.0 } else { 1.0 };
-        scale[i] = lit * edge_factor(l[2][i], v[2][i], table.edge);
+        let e = edge_factor(l[2][i], v[2][i], table.edge);
+        scale[i] = if below(l[2][i], v[2][i]) < 0.0 { 0.0 } else { e };
     }
-    let mut y = [[0.0; 4]; L];
     let (nodes, _) = table.coefficients.as_chunks::<N>();
-    let [low, high] = table.bounds;
+    let ([low, high], row) = (table.bounds, table.row);
     for i in 0..L {
         let at = first[i] as usize;
         // it is there for every place; a map is checked when it is made
-        let Some(cell) = nodes.get(at..at + table.row + 2) else { continue };
-        let near = [&cell[0], &cell[1]];
-        let far = [&cell[table.row], &cell[table.row + 1]];
+        let Some(cell) = nodes.get(at..at + row + 2) else { continue };
+        let (near, far) = ([&cell[0], &cell[1]], [&cell[row], &cell[row + 1]]);
         // along θ_inc for both nodes of the other axis at once: they stand side by side
         let mut e = [[[0.0; 4]; N]; 2];
         for s in 0..2 {
@@ -130,31 +135,24 @@ pub(super) fn block<const N: usize, const L: usize>(
                 q[k][c] = e[0][k][c] + b[i] * (e[1][k][c] - e[0][k][c]);
             }
         }
-        y[i] = q[0];
-        let (first, square) = (p[0][i], p[1][i]);
+        let mut y = q[0];
         let mut basis = [1.0; N];
         for k in 1..N {
-            basis[k] = next_harmonic(k, first, square, &basis);
+            basis[k] = next_harmonic(k, p[0][i], p[1][i], &basis);
             for c in 0..4 {
-                y[i][c] += q[k][c] * basis[k];
+                y[c] += q[k][c] * basis[k];
             }
         }
         for c in 0..4 {
-            y[i][c] = below(above(y[i][c], low[c]), high[c]);
+            let z = below(above(y[c], low[c]), high[c]);
+            y[c] = if LOG { z } else { scale[i] * (z * z * z) };
         }
-        if !table.log {
-            for c in 0..4 {
-                y[i][c] = scale[i] * (y[i][c] * y[i][c] * y[i][c]);
-            }
-        }
-        for c in 0..3 {
-            out[i][c] = y[i][c];
-        }
+        out[i] = [y[0], y[1], y[2]];
     }
-    if table.log {
+    if LOG {
         for i in 0..L {
             for c in 0..3 {
-                out[i][c] = scale[i] * super::transform::exp2(out[i][c]);
+                out[i][c] = scale[i] * exp2(out[i][c]);
             }
         }
     }
@@ -169,14 +167,14 @@ pub(super) fn next_harmonic(k: usize, first: f32, square: f32, before: &[f32]) -
 /// Geometries in a block: enough that the loops' own cost is small, few enough that what they hold stays in the innermost cache.
 const LANES: usize = 32;
 
-struct Many<'a, const N: usize> {
+struct Many<'a, const N: usize, const LOG: bool> {
     table: Table<'a>,
     light: &'a [[f32; 3]],
     view: &'a [[f32; 3]],
     out: &'a mut [[f32; 3]],
 }
 
-impl<const N: usize> pulp::WithSimd for Many<'_, N> {
+impl<const N: usize, const LOG: bool> pulp::WithSimd for Many<'_, N, LOG> {
     type Output = ();
 
     #[inline(always)]
@@ -186,20 +184,20 @@ impl<const N: usize> pulp::WithSimd for Many<'_, N> {
         let (views, view) = self.view[..count].as_chunks::<LANES>();
         let (outs, out) = self.out[..count].as_chunks_mut::<LANES>();
         for ((l, v), f) in lights.iter().zip(views).zip(outs) {
-            block::<N, LANES>(&self.table, l, v, f);
+            block::<N, LANES, LOG>(&self.table, l, v, f);
         }
         for ((l, v), f) in light.iter().zip(view).zip(out) {
-            block::<N, 1>(&self.table, &[*l], &[*v], std::array::from_mut(f));
+            block::<N, 1, LOG>(&self.table, &[*l], &[*v], std::array::from_mut(f));
         }
     }
 }
 
 /// f of many geometries; ends with the shortest of the three slices.
-pub(super) fn many<const N: usize>(
+pub(super) fn many<const N: usize, const LOG: bool>(
     table: Table<'_>,
     light: &[[f32; 3]],
     view: &[[f32; 3]],
     out: &mut [[f32; 3]],
 ) {
-    pulp::Arch::new().dispatch(Many::<N> { table, light, view, out });
+    pulp::Arch::new().dispatch(Many::<N, LOG> { table, light, view, out });
 }

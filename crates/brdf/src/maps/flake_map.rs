@@ -138,11 +138,23 @@ impl FlakeMap {
     #[must_use]
     pub fn eval_single(&self, light: [f32; 3], view: [f32; 3]) -> [f32; 3] {
         let (table, mut out) = (self.table(), [[0.0; 3]]);
-        match self.harmonics {
-            0 => flake_lanes::block::<1, 1>(&table, &[light], &[view], &mut out),
-            1 => flake_lanes::block::<2, 1>(&table, &[light], &[view], &mut out),
-            2 => flake_lanes::block::<3, 1>(&table, &[light], &[view], &mut out),
-            _ => flake_lanes::block::<4, 1>(&table, &[light], &[view], &mut out),
+        match (self.harmonics, self.transform) {
+            (0, Transform::CubeRoot) => {
+                flake_lanes::block::<1, 1, false>(&table, &[light], &[view], &mut out)
+            }
+            (1, Transform::CubeRoot) => {
+                flake_lanes::block::<2, 1, false>(&table, &[light], &[view], &mut out)
+            }
+            (2, Transform::CubeRoot) => {
+                flake_lanes::block::<3, 1, false>(&table, &[light], &[view], &mut out)
+            }
+            (_, Transform::CubeRoot) => {
+                flake_lanes::block::<4, 1, false>(&table, &[light], &[view], &mut out)
+            }
+            (0, Transform::Log) => flake_lanes::block::<1, 1, true>(&table, &[light], &[view], &mut out),
+            (1, Transform::Log) => flake_lanes::block::<2, 1, true>(&table, &[light], &[view], &mut out),
+            (2, Transform::Log) => flake_lanes::block::<3, 1, true>(&table, &[light], &[view], &mut out),
+            (_, Transform::Log) => flake_lanes::block::<4, 1, true>(&table, &[light], &[view], &mut out),
         }
         out[0]
     }
@@ -150,11 +162,15 @@ impl FlakeMap {
     /// f of many geometries, the path for renderers: several at a time in vector registers, bit for bit what [`Self::eval_single`] gives. Ends with
     /// the shortest of the three slices.
     pub fn eval_many(&self, light: &[[f32; 3]], view: &[[f32; 3]], out: &mut [[f32; 3]]) {
-        match self.harmonics {
-            0 => flake_lanes::many::<1>(self.table(), light, view, out),
-            1 => flake_lanes::many::<2>(self.table(), light, view, out),
-            2 => flake_lanes::many::<3>(self.table(), light, view, out),
-            _ => flake_lanes::many::<4>(self.table(), light, view, out),
+        match (self.harmonics, self.transform) {
+            (0, Transform::CubeRoot) => flake_lanes::many::<1, false>(self.table(), light, view, out),
+            (1, Transform::CubeRoot) => flake_lanes::many::<2, false>(self.table(), light, view, out),
+            (2, Transform::CubeRoot) => flake_lanes::many::<3, false>(self.table(), light, view, out),
+            (_, Transform::CubeRoot) => flake_lanes::many::<4, false>(self.table(), light, view, out),
+            (0, Transform::Log) => flake_lanes::many::<1, true>(self.table(), light, view, out),
+            (1, Transform::Log) => flake_lanes::many::<2, true>(self.table(), light, view, out),
+            (2, Transform::Log) => flake_lanes::many::<3, true>(self.table(), light, view, out),
+            (_, Transform::Log) => flake_lanes::many::<4, true>(self.table(), light, view, out),
         }
     }
 
@@ -167,7 +183,6 @@ impl FlakeMap {
             inverse_index: (1.0 / self.index) as f32,
             bounds: self.bounds,
             edge: self.edge as f32,
-            log: self.transform == Transform::Log,
         }
     }
 }

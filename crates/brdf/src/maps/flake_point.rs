@@ -33,11 +33,7 @@ impl FlakePoint {
     /// Of unit directions above the surface; `inverse_index` is 1/n. Exchanging them changes no bit.
     #[inline(always)]
     pub(super) fn new(l: [f32; 3], v: [f32; 3], inverse_index: f32) -> Self {
-        let refract = |d: [f32; 3]| {
-            let (x, y) = (d[0] * inverse_index, d[1] * inverse_index);
-            [x, y, above(1.0 - x * x - y * y, 0.0).sqrt()]
-        };
-        let (l, v) = (refract(l), refract(v));
+        let (l, v) = (refract(l, inverse_index), refract(v, inverse_index));
         let s = [l[0] + v[0], l[1] + v[1], l[2] + v[2]];
         let d = [l[0] - v[0], l[1] - v[1], l[2] - v[2]];
         let inc2 = 0.25 * (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
@@ -66,6 +62,13 @@ impl FlakePoint {
         }
         out
     }
+}
+
+/// Into the coat.
+#[inline(always)]
+fn refract(d: [f32; 3], inverse_index: f32) -> [f32; 3] {
+    let (x, y) = (d[0] * inverse_index, d[1] * inverse_index);
+    [x, y, above(1.0 - x * x - y * y, 0.0).sqrt()]
 }
 
 /// Components as the look-up takes them.

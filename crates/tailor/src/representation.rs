@@ -3,11 +3,11 @@
 use std::str::FromStr;
 
 use gonio_brdf::maps::{
-    Aspecular, ColourMap, FitError, FlakeFitOptions, FlakeMap, LookupTable, Region, Sample,
+    self, Aspecular, ColourMap, FitError, FlakeFitOptions, FlakeMap, LookupTable, Region, Sample,
 };
 use gonio_brdf::{Brdf, ModelFile, Rgb};
 use gonio_fitter::ModelChoice;
-use gonio_optics::{Angle, Vec3, isoline::Method};
+use gonio_optics::{Angle, Vec3, colour, isoline::Method};
 
 use crate::timing::Direction;
 use crate::{Finding, GlossChoice, GlossError, Material, without_gloss};
@@ -16,6 +16,10 @@ use crate::{Finding, GlossChoice, GlossError, Material, without_gloss};
 const ASPECULAR_LIGHT: Angle = Angle::from_degrees(45.0);
 /// Largest K.
 const MOST_HARMONICS: usize = 3;
+/// Fewer measurements than this are taken for those of a portable multi-angle instrument.
+const HANDFUL: usize = 30;
+/// Half angle of the cone about the mirror direction in which such an instrument sees gloss.
+const HANDFUL_CONE: Angle = Angle::from_degrees(10.0);
 /// Fewer measurements than this are called sparse.
 const SPARSE: usize = 100;
 
@@ -306,14 +310,41 @@ fn flake_map(
         }
         findings.push(Finding::AllInPlane { count: samples.len() });
     }
+    if harmonics == 0
+        && let Some(map) = handful(material, options)?
+    {
+        findings.retain(|f| !matches!(f, Finding::Sparse { .. }));
+        findings.extend(map.findings().iter().cloned().map(Finding::Map));
+        return Ok(map);
+    }
     let wanted = options.flake(harmonics);
     // cells of a table are met by means over them, points at themselves
     let map = match material.table() {
         Some(table) => FlakeMap::fit_table(&material.name, table, &wanted)?,
         None => FlakeMap::fit(&material.name, &samples, &wanted)?,
     };
-    findings.extend(map.findings().iter().cloned().map(Finding::Map));
+    // whoever states a coat knows better than what the measurements seem to say
+    let stated = material.stated_index().is_some_and(|n| n > 1.0);
+    let told = map.findings().iter().filter(|f| !(stated && matches!(f, maps::Finding::CoatNotSeen { .. })));
+    findings.extend(told.cloned().map(Finding::Map));
     Ok(map)
+}
+
+/// The estimate from a portable instrument's few geometries, with its uncertainty; `None` for materials with more than a handful.
+fn handful(material: &Material, options: &Options) -> Result<Option<FlakeMap>, BuildError> {
+    let Some(points) = material.scattered().filter(|s| s.points.len() < HANDFUL) else { return Ok(None) };
+    // such instruments measure at 15° from the mirror direction, which maps of full data leave out
+    let region = Region { largest: options.largest, from_mirror: HANDFUL_CONE };
+    let samples = region.of_scattered(points);
+    if samples.len() < 3 {
+        return Err(BuildError::Flake(FitError::Data {
+            found: samples.len(),
+            expected: 3,
+            largest_deg: region.largest.degrees().round(),
+            mirror_deg: region.from_mirror.degrees().round(),
+        }));
+    }
+    Ok(Some(FlakeMap::from_multi_angle(&material.name, &samples, options.index)?))
 }
 
 /// Whether light, view and normal lie in one plane, to half a degree of azimuth.
@@ -324,7 +355,7 @@ fn is_in_plane(s: &Sample) -> bool {
 }
 
 /// Makes something from f in the plane of incidence without gloss. Of scattered measurements those in the plane are joined by a smooth surface in
-/// flake space, where the in-plane geometries of light and view exchanged are one place.
+/// flake space, where the in-plane geometries of light and view exchanged are one place; of a handful the surface is an estimate.
 fn with_in_plane<T>(
     material: &Material,
     options: &Options,
@@ -334,6 +365,10 @@ fn with_in_plane<T>(
     if material.brdf().is_some() {
         let (body, _) = without_gloss(material, options.index, options.gloss)?;
         return Ok(make(&*body));
+    }
+    if let Some(map) = handful(material, options)? {
+        findings.extend(map.findings().iter().cloned().map(Finding::Map));
+        return Ok(make(&map));
     }
     let region = options.region();
     let in_plane: Vec<Sample> = material.samples(region).into_iter().filter(is_in_plane).collect();
@@ -393,6 +428,21 @@ impl Built {
     #[must_use]
     pub fn flake_map(&self) -> Option<&FlakeMap> {
         if let Evaluator::Flake(m) = &self.evaluator { Some(m) } else { None }
+    }
+
+    /// Relative standard uncertainty of the luminance over the region of the maps by solid angle, median and 95th percentile; `None` where the
+    /// representation states none.
+    #[must_use]
+    pub fn relative_sigma(&self) -> Option<[f64; 2]> {
+        let map = self.flake_map().filter(|m| m.has_sigma())?;
+        let at = |(l, v): (Vec3, Vec3)| {
+            let y = colour::luminance(map.eval(l, v));
+            map.sigma(l, v).map(|s| colour::luminance(s) / y).filter(|r| r.is_finite())
+        };
+        let mut all: Vec<f64> = map.region().directions(1000, 2).filter_map(at).collect();
+        all.sort_by(f64::total_cmp);
+        let pick = |q: usize| all.get(all.len() * q / 100).copied();
+        Some([pick(50)?, pick(95)?])
     }
 
     /// The colour map, if it is one.
@@ -556,6 +606,43 @@ mod tests {
             "{:?}",
             flake.findings
         );
+    }
+
+    #[test]
+    fn a_portable_instruments_eight_angles_give_an_estimate_with_its_uncertainty() {
+        let paint = paint();
+        let at = |geometry: Geometry| {
+            let (l, v) = geometry.directions();
+            let value = paint.brdf().unwrap().eval(l, v);
+            ScatteredPoint { geometry, value, sigma: None, flag: Flag::Measured }
+        };
+        let points: Vec<_> = maps::multi_angle::portable_geometries().map(at).to_vec();
+        let m = Material::new("portable", Loaded::Scattered(Scattered { points: points.clone() }));
+        let map = Representation::FlakeMap(0).build(&m, &Options::new(1.5)).unwrap();
+        let [median, p95] = map.relative_sigma().unwrap();
+        assert!(median > 0.01 && p95 >= median && p95 < 3.0, "{median} {p95}");
+        assert!(map.findings.iter().any(|f| f.name() == "estimated"), "{:?}", map.findings);
+        for p in &points {
+            let (l, v) = p.geometry.directions();
+            assert!((map.eval(l, v)[1] / p.value[1] - 1.0).abs() < 0.25, "{:?}", p.geometry);
+        }
+        // most of what was not measured lies within twice the uncertainty
+        let region = map.flake_map().unwrap().region();
+        let pairs: Vec<_> = region.directions(400, 1).collect();
+        let held = pairs
+            .iter()
+            .filter(|(l, v)| {
+                let s = map.flake_map().unwrap().sigma(*l, *v).unwrap()[1];
+                (map.eval(*l, *v)[1] - paint.brdf().unwrap().eval(*l, *v)[1]).abs() <= 2.0 * s
+            })
+            .count();
+        assert!(held > 300, "{held} of 400");
+        assert!(Representation::FlakeMap(1).build(&m, &Options::new(1.5)).is_err());
+        let clip = Representation::ColourMap(Method::Clip).build(&m, &Options::new(1.5)).unwrap();
+        assert!(clip.findings.iter().any(|f| f.name() == "estimated"));
+        let few = Material::new("two", Loaded::Scattered(Scattered { points: points[1..3].to_vec() }));
+        let e = Representation::FlakeMap(0).build(&few, &Options::new(1.5)).err().unwrap().to_string();
+        assert!(e.contains("2 measured geometries"), "{e}");
     }
 
     #[test]

@@ -80,6 +80,7 @@ pub fn run(a: &ColormapArguments, printer: Printer) -> Result<Outcome, Failure> 
             "input": a.input, "output": shown(&a.output), "kind": kind, "index": options.index, "method": method.name(),
             "harmonics": drawn.built.flake_map().map(gonio_brdf::maps::FlakeMap::harmonics),
             "largest_deg": a.map.largest_deg, "nodes": options.nodes, "bytes": drawn.built.bytes(), "gloss": drawn.gloss,
+            "relative_sigma": drawn.built.relative_sigma(),
             "findings": effect::findings_json(&drawn.findings),
         }),
     );
@@ -139,7 +140,7 @@ impl<'a> Drawn<'a> {
         };
         let gloss = match self.gloss {
             Some(g) => g.to_string(),
-            None => "measured geometries near the mirror direction left out; between the dots a smooth continuation".to_owned(),
+            None => "between the dots a smooth continuation".to_owned(),
         };
         let measured: Vec<Geometry> = self.material.scattered().map_or_else(Vec::new, |s| {
             let in_plane = |g: &Geometry| {
@@ -147,7 +148,7 @@ impl<'a> Drawn<'a> {
                 (phi < 0.5 || phi > 179.5 || g.theta_i.degrees() < 0.01 || g.theta_o.degrees() < 0.01)
                     && g.theta_i.degrees() <= limit
                     && g.theta_o.degrees() <= limit
-                    && g.from_mirror() > self.options.region().from_mirror
+                    && g.from_mirror().degrees() > 10.0
             };
             s.points
                 .iter()
@@ -192,7 +193,10 @@ impl<'a> Drawn<'a> {
             index,
             largest: self.options.largest,
             factor,
-            note: format!("K = {k}{how}; index {index}; without the gloss of the coat"),
+            note: format!(
+                "K = {k}{how}; index {index}; without the gloss of the coat{}",
+                uncertainty(&self.built)
+            ),
         }
         .draw()
     }
@@ -268,6 +272,17 @@ impl<'a> Drawn<'a> {
             attributes,
         }
     }
+}
+
+/// The uncertainty of an estimated map in words; empty for others.
+fn uncertainty(built: &Built) -> String {
+    built.relative_sigma().map_or_else(String::new, |[median, p95]| {
+        format!(
+            "; relative uncertainty {:.0} % (median), {:.0} % (95th percentile)",
+            100.0 * median,
+            100.0 * p95
+        )
+    })
 }
 
 /// f of a flake map at a place, the mean over azimuths that reach it, and whether data stood around.

@@ -56,6 +56,13 @@ pub fn fit(a: &FitArguments, printer: Printer) -> Result<Outcome, Failure> {
     if let Some(s) = difference.within_15_deg {
         text += &format!("  ΔE within 15° (the map leaves the gloss out): {}\n", spread(s));
     }
+    if let Some([median, p95]) = built.relative_sigma() {
+        text += &format!(
+            "  relative uncertainty of the luminance: {:.0} % (median), {:.0} % (95th percentile)\n",
+            100.0 * median,
+            100.0 * p95
+        );
+    }
     if let Some(path) = &a.output {
         text += &format!("  written to {}\n", path.display());
     }
@@ -64,7 +71,7 @@ pub fn fit(a: &FitArguments, printer: Printer) -> Result<Outcome, Failure> {
         &json!({
             "input": a.input,
             "flake_map": { "index": map.index(), "harmonics": map.harmonics(), "bytes": map.bytes(), "largest_deg": a.max_angle_deg },
-            "delta_e": difference, "findings": effect::findings_json(&findings), "output": a.output.as_deref().map(output::shown),
+            "delta_e": difference, "relative_sigma": built.relative_sigma(), "findings": effect::findings_json(&findings), "output": a.output.as_deref().map(output::shown),
         }),
     );
     Ok(Outcome::Done)

@@ -237,8 +237,10 @@ fn axes(canvas: &mut Canvas, area: Area, left: f64) {
         let label = format!("{deg:.0}°");
         let x = area.x + (cos - left) / (1.0 - left) * area.w;
         canvas.line((x, area.bottom()), (x, area.bottom() + 4.0), 0.7, INK);
-        // near the normal cosines lie close: 0° and 20° have no room beside each other
-        canvas.text((x, area.bottom() + 8.0), &label, &small.at(Anchor::Middle, Anchor::Start));
+        // near the normal cosines lie close: 20° has no room between its neighbours
+        if deg != 20.0 {
+            canvas.text((x, area.bottom() + 8.0), &label, &small.at(Anchor::Middle, Anchor::Start));
+        }
         for sign in [-1.0, 1.0] {
             if sign < 0.0 && deg == 0.0 {
                 continue;

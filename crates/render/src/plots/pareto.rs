@@ -71,7 +71,8 @@ impl Pareto {
             let error = p.error.max(1e-3);
             (area.x + scale[0].fraction(p.cost) * area.w, area.bottom() - scale[1].fraction(error) * area.h)
         };
-        front_line(&mut canvas, area, &points, &place);
+        let front = front_line(area, &points, &place);
+        canvas.polyline(&front, 1.3, INK);
         let mut order: Vec<&&ParetoPoint> = points.iter().collect();
         order.sort_by_key(|p| std::cmp::Reverse(p.bytes));
         for p in order {
@@ -80,7 +81,7 @@ impl Pareto {
             canvas.disc(at, r + 0.9, [255; 3], 1.0);
             canvas.disc(at, r, colour, if p.on_front { 1.0 } else { 0.55 });
         }
-        names(&mut canvas, area, &points, &place);
+        names(&mut canvas, area, &points, &front, &place);
         let mut entries: Vec<(Key, String)> = self
             .groups
             .iter()
@@ -133,7 +134,7 @@ impl Pareto {
 }
 
 /// The staircase over the front: what can be had at most for a cost.
-fn front_line(canvas: &mut Canvas, area: Area, points: &[&ParetoPoint], place: &dyn Fn(&ParetoPoint) -> At) {
+fn front_line(area: Area, points: &[&ParetoPoint], place: &dyn Fn(&ParetoPoint) -> At) -> Vec<At> {
     let mut front: Vec<At> = points.iter().filter(|p| p.on_front).map(|p| place(p)).collect();
     front.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut line = Vec::new();
@@ -145,11 +146,17 @@ fn front_line(canvas: &mut Canvas, area: Area, points: &[&ParetoPoint], place: &
     if let Some(last) = front.last() {
         line.push((area.right(), last.1));
     }
-    canvas.polyline(&line, 1.3, INK);
+    line
 }
 
-/// Names beside their marks, each at the first of eight places that is still free.
-fn names(canvas: &mut Canvas, area: Area, points: &[&ParetoPoint], place: &dyn Fn(&ParetoPoint) -> At) {
+/// Names beside their marks, each at the first of some places that is still free; where none is, marks off the front stay without.
+fn names(
+    canvas: &mut Canvas,
+    area: Area,
+    points: &[&ParetoPoint],
+    front: &[At],
+    place: &dyn Fn(&ParetoPoint) -> At,
+) {
     let mut taken: Vec<Area> = points
         .iter()
         .map(|p| {
@@ -157,6 +164,11 @@ fn names(canvas: &mut Canvas, area: Area, points: &[&ParetoPoint], place: &dyn F
             Area::new(x - r, y - r, 2.0 * r, 2.0 * r)
         })
         .collect();
+    taken.extend(front.windows(2).map(|w| {
+        let (low, high) =
+            ((w[0].0.min(w[1].0), w[0].1.min(w[1].1)), (w[0].0.max(w[1].0), w[0].1.max(w[1].1)));
+        Area::new(low.0 - 1.0, low.1 - 1.0, high.0 - low.0 + 2.0, high.1 - low.1 + 2.0)
+    }));
     let overlaps =
         |a: Area, b: Area| a.x < b.right() && b.x < a.right() && a.y < b.bottom() && b.y < a.bottom();
     let mut order: Vec<&&ParetoPoint> = points.iter().collect();
@@ -189,7 +201,10 @@ fn names(canvas: &mut Canvas, area: Area, points: &[&ParetoPoint], place: &dyn F
                 && a.bottom() < area.bottom()
                 && !taken.iter().any(|t| overlaps(*t, *a))
         };
-        let chosen = places.into_iter().map(boxed).find(fits).unwrap_or_else(|| boxed(places[0]));
+        let Some(chosen) = places.into_iter().map(boxed).find(fits).or(p.on_front.then(|| boxed(places[0])))
+        else {
+            continue;
+        };
         taken.push(chosen);
         canvas.text((chosen.x, chosen.centre().1), &p.name, &style.at(Anchor::Start, Anchor::Middle));
     }

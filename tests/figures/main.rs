@@ -3,8 +3,12 @@
 //! `make figures` prints all of them, `make figures ONLY=cells` those of one group; the exit code is 1 on a miss.
 
 mod demo;
+mod isolines;
+mod look_up;
+mod maps;
 mod materials;
 mod models;
+mod multi_angle;
 mod paints;
 mod scans;
 
@@ -71,6 +75,10 @@ const GROUPS: &[Group] = &[
     ("exponents", paints::exponents),
     ("hard-pairs", paints::hard_pairs),
     ("replay", paints::replay),
+    ("isolines", isolines::figures),
+    ("flake-maps", maps::figures),
+    ("look-up-speed", look_up::figures),
+    ("multi-angle", multi_angle::figures),
 ];
 
 #[allow(clippy::print_stdout)] // the table is what this program is for

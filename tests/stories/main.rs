@@ -2,6 +2,7 @@
 
 mod bad_input;
 mod command;
+mod effect_coatings;
 mod faulty_line;
 mod formats;
 mod going_on;

@@ -10,7 +10,8 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use gonio_brdf::maps::{
-    Aspecular, ColourMap, FlakeFitOptions, FlakeMap, LookupTable, Region, Sample, Transform, colour_map,
+    Aspecular, ColourMap, FlakeFitOptions, FlakeMap, LookupTable, Region, Sample, Setting, Transform,
+    colour_map,
 };
 use gonio_brdf::{Brdf, Rgb, formats};
 use gonio_optics::{Angle, Vec3, colour, isoline::Method};
@@ -60,10 +61,9 @@ fn variants() -> Vec<(String, FlakeFitOptions)> {
     for (tag, options, terms) in [
         ("D", FlakeFitOptions { transform: log, ..base }, 4),
         ("root", base, 4),
-        ("T", FlakeFitOptions { transmittance: true, ..base }, 2),
-        ("1.2-", FlakeFitOptions { index: 1.2, ..base }, 2),
+        ("flat-", FlakeFitOptions { edge: Setting::Fixed(0.0), ..base }, 3),
         ("64-", FlakeFitOptions { nodes: [64, 64], ..base }, 3),
-        ("weak-", FlakeFitOptions { smoothness: 1e-4, ..base }, 3),
+        ("l3-", FlakeFitOptions { smoothness: Setting::Fixed(1e-3), ..base }, 3),
     ] {
         out.extend((0..terms).map(|k| (format!("{tag}{k}"), FlakeFitOptions { harmonics: k, ..options })));
     }

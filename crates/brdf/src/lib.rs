@@ -38,6 +38,16 @@ pub trait Brdf: Send + Sync {
     }
 }
 
+impl<T: Brdf + ?Sized> Brdf for std::sync::Arc<T> {
+    fn eval(&self, light: Vec3, view: Vec3) -> Rgb {
+        (**self).eval(light, view)
+    }
+
+    fn sharpness(&self) -> f64 {
+        (**self).sharpness()
+    }
+}
+
 impl<T: Brdf + ?Sized> Brdf for Box<T> {
     fn eval(&self, light: Vec3, view: Vec3) -> Rgb {
         (**self).eval(light, view)

@@ -10,20 +10,30 @@
 pub mod aspecular;
 mod banded;
 pub mod colour_map;
+pub mod finding;
+mod flake_choice;
 pub mod flake_file;
 pub mod flake_fit;
+mod flake_lanes;
 pub mod flake_map;
+pub mod flake_options;
 mod flake_point;
+mod flake_rows;
 pub mod lookup_table;
+pub mod multi_angle;
 pub mod samples;
+pub mod speed;
 pub mod transform;
+pub mod trigonometric_map;
 
 pub use aspecular::Aspecular;
 pub use colour_map::ColourMap;
+pub use finding::{Finding, Standing};
 pub use flake_file::MapFileError;
-pub use flake_fit::{FitError, FlakeFitOptions};
 pub use flake_map::FlakeMap;
+pub use flake_options::{FitError, FlakeFitOptions, Setting};
 pub use lookup_table::LookupTable;
+pub use multi_angle::{Prior, portable_geometries};
 pub use samples::{Region, Sample};
 pub use transform::Transform;
 

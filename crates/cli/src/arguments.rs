@@ -1,5 +1,7 @@
 //! The command line: names, flags and their help. What each does is in [`crate::commands`].
 
+pub mod effect;
+
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -61,7 +63,7 @@ pub enum Command {
     Sim(SimArguments),
     /// Fit a model to a measured BRDF; no starting values
     #[command(
-        after_help = "Examples:\n  gonio fit S.nc -o model.json\n  gonio fit cayman.brdf --weights none --max-angle-deg 60\n  gonio fit merl_nbrdf.f32#blue-metallic-paint"
+        after_help = "Examples:\n  gonio fit S.nc -o model.json\n  gonio fit cayman.brdf --weights none --max-angle-deg 60\n  gonio fit merl_nbrdf.f32#blue-metallic-paint\n  gonio fit S.nc --model flake-map:1 -o flakes.json"
     )]
     Fit(FitArguments),
     /// Evaluate a table or a model at the geometries of a CSV file
@@ -69,6 +71,16 @@ pub enum Command {
         after_help = "Example:\n  printf 'theta_i_deg,theta_o_deg,phi_deg\\n45,30,180\\n' > g.csv; gonio eval model.json --geometries g.csv -o out.csv"
     )]
     Eval(EvalArguments),
+    /// Draw the colour map or the flake map of an effect coating, or write it for shaders
+    #[command(
+        after_help = "Examples:\n  gonio colormap S.nc -o map.png\n  gonio colormap cc_ibiza_sunset_rgb.bsdf --flake -o flakes.png\n  gonio colormap S.nc --method clip --nodes 128 -o map.exr\n  gonio colormap portable.csv --index 1.5 -o map.png"
+    )]
+    Colormap(effect::ColormapArguments),
+    /// What each way to store a BRDF costs and how far its colours are off, measured on this machine
+    #[command(
+        after_help = "Examples:\n  gonio trade S.nc -o trade\n  gonio trade merl_nbrdf.f32#blue-metallic-paint --only table,clip,flake-map:0,flake-map:1\n  gonio trade S.nc --geometries scene.csv --json"
+    )]
+    Trade(effect::TradeArguments),
     /// Isochromatic lines: the in-plane geometries that see the same flakes
     #[command(
         after_help = "Example:\n  gonio isoline --index 1.5 --method clip --geometries g.csv -o out.csv"
@@ -339,9 +351,12 @@ pub enum WeightsName {
 pub struct FitArguments {
     /// What to fit: a measured BRDF in any known format (FILE#NAME for a network)
     pub input: String,
-    /// Model, or auto
+    /// Model, or auto, or flake-map:K (a map for effect coatings, its own file)
     #[arg(long, default_value = "auto")]
     pub model: String,
+    /// Refractive index of the coat, for flake-map:K; by default what the file says, else 1.5
+    #[arg(long)]
+    pub index: Option<f64>,
     /// Largest polar angle used, of light and view, degrees
     #[arg(long, default_value_t = 75.0)]
     pub max_angle_deg: f64,
@@ -364,9 +379,12 @@ pub struct FitArguments {
 pub struct EvalArguments {
     /// A measured BRDF or a model.json
     pub input: String,
-    /// Representation
+    /// Representation: table (the file as it is) | clip | map-vector | map-vector-parallel | unit-index | flake-map:K | aspecular
     #[arg(long = "as", default_value = "table")]
     pub representation: String,
+    /// Index, size and gloss of maps
+    #[command(flatten)]
+    pub map: effect::MapArguments,
     /// CSV with theta_i_deg,theta_o_deg,phi_deg
     #[arg(long)]
     pub geometries: PathBuf,
@@ -387,6 +405,9 @@ pub struct IsolineArguments {
     /// clip | map-vector | map-vector-parallel | unit-index
     #[arg(long, default_value = "clip")]
     pub method: String,
+    /// Give the other of the two in-plane geometries, with light and view exchanged
+    #[arg(long)]
+    pub exchanged: bool,
     /// CSV with theta_i_deg,theta_o_deg,phi_deg
     #[arg(long)]
     pub geometries: PathBuf,

@@ -1,10 +1,12 @@
 //! What each command does, one file each (those that watch running scans share one).
 
+pub mod colormap;
 pub mod convert;
 pub mod demo;
 pub mod doctor;
 pub mod eval;
 pub mod fit;
+pub mod flake;
 pub mod info;
 pub mod isoline;
 pub mod replay;
@@ -13,6 +15,7 @@ pub mod scan;
 pub mod session;
 pub mod show;
 pub mod sim;
+pub mod trade;
 
 use crate::arguments::{Arguments, Command};
 use crate::control::Ask;
@@ -34,6 +37,8 @@ pub fn dispatch(arguments: Arguments) -> Result<Outcome, Failure> {
         Command::Sim(a) => sim::run(&a, printer),
         Command::Fit(a) => fit::run(&a, printer),
         Command::Eval(a) => eval::run(&a, printer),
+        Command::Colormap(a) => colormap::run(&a, printer),
+        Command::Trade(a) => trade::run(&a, printer),
         Command::Isoline(a) => isoline::run(&a, printer),
         Command::Convert { input, output, force } => convert::run(&input, &output, force, printer),
         Command::Info { file } => info::run(&file, printer),

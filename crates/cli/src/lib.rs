@@ -8,6 +8,7 @@ pub mod coat;
 pub mod commands;
 pub mod continuing;
 pub mod control;
+pub mod effect;
 pub mod fitting;
 pub mod outcome;
 pub mod output;

@@ -116,10 +116,11 @@ pub fn isoline(l: Vec3, v: Vec3, index: f64, method: Method) -> Isoline {
     let sum = index * f.sin_sum();
     let difference = index * f.sin_difference();
     let limited = sum > 1.0 + ROUNDING || f.cos_sum() < 0.0;
+    let (cos_ill, cos_det) = outside_cosines(l, v, index);
     let mut out = Isoline {
         flake: f.angles(),
-        theta_ill: if limited { Angle::RIGHT } else { Angle::from_radians(safe_asin(sum)) },
-        theta_det: Angle::from_radians(safe_asin(difference.abs())),
+        theta_ill: if limited { Angle::RIGHT } else { Angle::from_radians(sum.atan2(cos_ill)) },
+        theta_det: Angle::from_radians(difference.abs().atan2(cos_det)),
         phi_det: side(difference),
         limited,
     };
@@ -136,6 +137,25 @@ pub fn isoline(l: Vec3, v: Vec3, index: f64, method: Method) -> Isoline {
         out.phi_det = side(w);
     }
     out
+}
+
+/// cos θ'ill (0 where there is none) and cos θ'det outside, not by way of sines that are nearly 1: the equations of [`crate::isoline_single`].
+fn outside_cosines(l: Vec3, v: Vec3, index: f64) -> (f64, f64) {
+    let critical2 = (1.0 - 1.0 / (index * index)).max(0.0);
+    let critical = critical2.sqrt();
+    let refracted = |cos: f64| {
+        let z = cos.max(0.0) / index;
+        let inside = (critical2 + z * z).sqrt();
+        (inside, z * (z / (inside + critical).max(f64::MIN_POSITIVE)))
+    };
+    let ((lz, el), (vz, ev)) = (refracted(l.z), refracted(v.z));
+    let (sx, sy, sz) = ((l.x + v.x) / index, (l.y + v.y) / index, lz + vz);
+    let cross = (l.x * v.y - l.y * v.x) / (index * index);
+    let out_of_plane = cross * cross / (sx * sx + sy * sy + sz * sz).max(f64::MIN_POSITIVE);
+    let far = 0.5 * (el + ev) + (0.25 * (el - ev) * (el - ev) + out_of_plane).sqrt();
+    let near = if far > 0.0 { ((el * ev - out_of_plane) / far).max(0.0) } else { 0.0 };
+    let cos = |e: f64| index * (e * (e + 2.0 * critical)).sqrt();
+    (cos(near), cos(far))
 }
 
 /// φ' for a signed θ2'.

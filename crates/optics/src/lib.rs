@@ -15,6 +15,7 @@ pub mod frame;
 pub mod fresnel;
 pub mod geometry;
 pub mod isoline;
+pub mod isoline_single;
 pub mod quadrature;
 pub mod vec3;
 
@@ -22,6 +23,7 @@ pub use angle::Angle;
 pub use frame::{Rigid, Rotation};
 pub use geometry::Geometry;
 pub use isoline::{Isoline, isoline};
+pub use isoline_single::{IsolineSingle, isoline_single};
 pub use vec3::Vec3;
 
 /// The smallest cosine used as a denominator; keeps models finite at θ = 90°.

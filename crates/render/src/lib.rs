@@ -8,10 +8,12 @@
 //! fitting are not known here: numbers and words arrive as data.
 
 pub mod draw;
+pub mod map_exr;
 pub mod picture;
 pub mod plots;
 pub mod report;
 pub mod sphere;
 
+pub use map_exr::MapImage;
 pub use picture::{Picture, PictureError, Srgb};
 pub use report::Report;

@@ -6,19 +6,25 @@
 mod axis;
 pub(crate) mod cells;
 mod colorbar;
+pub mod colour_map;
 pub mod compare;
 pub mod coverage;
+pub mod flake_map;
 mod legend;
 pub mod lobe;
+pub mod pareto;
 mod polar;
 pub mod sigma;
 mod strip;
 pub mod unfolded;
 
 pub use cells::model_table;
+pub use colour_map::ColourMapPlot;
 pub use compare::{Compare, Difference, compare, compare_tables};
 pub use coverage::coverage;
+pub use flake_map::FlakeMapPlot;
 pub use lobe::{Channel, Curve, Lobe, lobe};
+pub use pareto::{Pareto, ParetoPoint};
 pub use sigma::sigma;
 pub use unfolded::{Unfolded, brightening, unfolded};
 

@@ -24,6 +24,8 @@ pub enum Format {
     Mbsdf,
     /// Networks fitted to measured materials.
     NeuralBrdf,
+    /// Flake map, ours.
+    FlakeMap,
 }
 
 impl Format {
@@ -39,11 +41,12 @@ impl Format {
             Self::Cornell => "Cornell spectral text",
             Self::Mbsdf => "MDL measured BSDF",
             Self::NeuralBrdf => "neural BRDF",
+            Self::FlakeMap => "flake map",
         }
     }
 }
 
-const KNOWN: &str = "NetCDF classic (.nc), measured CSV (theta_i_deg,theta_o_deg,phi_deg,r,g,b,…), model.json, RGL tensor files (_rgb.bsdf), MERL \
+const KNOWN: &str = "NetCDF classic (.nc), measured CSV (theta_i_deg,theta_o_deg,phi_deg,r,g,b,…), model.json, flake maps (.json), RGL tensor files (_rgb.bsdf), MERL \
                      .binary, Cornell .brdf, MDL .mbsdf, and neural BRDFs with a .names.txt beside";
 
 /// How much of a text is looked at.
@@ -90,8 +93,12 @@ fn text(head: &[u8]) -> Option<Format> {
         .map(str::trim)
         .find(|l| !l.is_empty() && !l.starts_with('#'))?;
     if line.starts_with('{') {
-        // other JSON exists; a model says so in its first keys or the reader of models says what it misses
-        return String::from_utf8_lossy(head).contains("\"model\"").then_some(Format::Model);
+        let head = String::from_utf8_lossy(head);
+        // other JSON exists; ours says so in its first keys or its reader says what it misses
+        if head.contains("\"gonio-flake-map\"") {
+            return Some(Format::FlakeMap);
+        }
+        return head.contains("\"model\"").then_some(Format::Model);
     }
     if line.split(',').any(|column| column.trim() == "theta_i_deg") {
         return Some(Format::MeasuredCsv);
@@ -111,13 +118,14 @@ mod tests {
 
     #[test]
     fn formats_are_told_apart_by_their_first_bytes() {
-        let cases: [(&[u8], Format); 8] = [
+        let cases: [(&[u8], Format); 9] = [
             (b"CDF\x02rest", Format::Netcdf),
             (b"tensor_file\0\x01", Format::Rgl),
             (b"Z\0\0\0Z\0\0\0\xb4\0\0\0rest", Format::Merl),
             (b"NVIDIA ARC MBSDF V1\nMBSDF_DATA_REFLECTION=\n\0", Format::Mbsdf),
             (b"\xef\xbb\xbf# note\ntheta_o_deg, theta_i_deg,phi_deg,r,g,b\n", Format::MeasuredCsv),
             (b"\n {\"coat\": {}, \"model\": \"lambert\"}", Format::Model),
+            (b"{\"format\": \"gonio-flake-map\", \"version\": 1", Format::FlakeMap),
             (b"# Cornell\n\n31 # wavelengths\n400", Format::Cornell),
             (&[0; 2700], Format::NeuralBrdf),
         ];

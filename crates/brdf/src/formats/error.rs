@@ -111,6 +111,9 @@ pub enum Problem {
     /// A `model.json` that cannot be used.
     #[error(transparent)]
     Model(#[from] ModelError),
+    /// A flake map that cannot be used.
+    #[error(transparent)]
+    FlakeMap(#[from] crate::maps::MapFileError),
     /// The content cannot be written in the format asked for.
     #[error("{content} cannot be written as {format}: {advice}")]
     Unsuitable {

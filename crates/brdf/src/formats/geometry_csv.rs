@@ -27,6 +27,37 @@ pub fn open(path: &std::path::Path) -> Result<Vec<Geometry>, FormatError> {
     super::read_file(path).and_then(|text| read(&text).map_err(|p| FormatError::new(path, p)))
 }
 
+/// Geometries with the share that each has in a scene: the column `weight`, 1 each where there is none.
+///
+/// # Errors
+/// As [`read`]; a weight that is negative or not finite, or weights that are all 0.
+pub fn read_weighted(text: &[u8]) -> Result<Vec<(Geometry, f64)>, Problem> {
+    let mut rows = Rows::new(text)?;
+    let columns = rows.required(["theta_i_deg", "theta_o_deg", "phi_deg"])?;
+    let weights = rows.find("weight");
+    let mut out = Vec::new();
+    while rows.advance()? {
+        let [theta_i, theta_o, phi] = rows.angles(columns)?;
+        let weight = weights.map_or(Ok(1.0), |k| {
+            rows.number(k, "a finite number, not negative", |x| x.is_finite() && x >= 0.0)
+        })?;
+        out.push((Geometry::from_degrees(theta_i, theta_o, phi), weight));
+    }
+    if out.iter().all(|g| g.1 == 0.0) {
+        let found = if out.is_empty() { "the end of the file" } else { "weights that are all 0" };
+        return Err(Problem::line(rows.line(), "weight", found, "at least one geometry that counts"));
+    }
+    Ok(out)
+}
+
+/// [`read_weighted`] on a file.
+///
+/// # Errors
+/// [`FormatError`] with the path.
+pub fn open_weighted(path: &std::path::Path) -> Result<Vec<(Geometry, f64)>, FormatError> {
+    super::read_file(path).and_then(|text| read_weighted(&text).map_err(|p| FormatError::new(path, p)))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -38,6 +69,19 @@ mod tests {
         )
         .unwrap();
         assert_eq!(g, [Geometry::from_degrees(30.0, 40.0, 180.0), Geometry::from_degrees(10.0, 0.0, 0.0)]);
+    }
+
+    #[test]
+    fn weights_are_read_where_there_are_any() {
+        let head = "theta_i_deg,theta_o_deg,phi_deg";
+        let g = read_weighted(format!("{head},weight\n1,2,3,0.5\n1,2,4,0\n").as_bytes()).unwrap();
+        assert_eq!((g.len(), g[0].1, g[1].1), (2, 0.5, 0.0));
+        assert_eq!(read_weighted(format!("{head}\n1,2,3\n").as_bytes()).unwrap()[0].1, 1.0);
+        for (rows, said) in [("1,2,3,-1", "\"-1\""), ("1,2,3,0", "all 0"), ("1,2,3,inf", "\"inf\"")] {
+            let e = read_weighted(format!("{head},weight\n{rows}\n").as_bytes()).unwrap_err().to_string();
+            assert!(e.contains(said) && e.contains("weight"), "{e}");
+        }
+        assert!(read_weighted(head.as_bytes()).is_err());
     }
 
     #[test]

@@ -2,10 +2,12 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use super::{
     Format, FormatError, Problem, cornell, detect, mbsdf, measured_csv, merl, nbrdf, netcdf, read_file, rgl,
 };
+use crate::maps::FlakeMap;
 use crate::{Brdf, Grid, Measured, ModelFile, Scattered};
 
 /// The content of a file.
@@ -31,6 +33,8 @@ pub struct Function {
     pub name: String,
     /// What else the file says of it.
     pub notes: BTreeMap<String, String>,
+    /// The map itself, where the file holds a flake map: it knows what it covers.
+    pub flake_map: Option<Arc<FlakeMap>>,
 }
 
 impl std::fmt::Debug for Function {
@@ -94,8 +98,9 @@ fn parse(
     file: &Path,
 ) -> Result<Loaded, Problem> {
     let stem = || file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let function =
-        |brdf: Box<dyn Brdf>, name: String, notes| Loaded::Function(Function { brdf, format, name, notes });
+    let function = |brdf: Box<dyn Brdf>, name: String, notes| {
+        Loaded::Function(Function { brdf, format, name, notes, flake_map: None })
+    };
     Ok(match format {
         Format::Netcdf => Loaded::Table(Box::new(netcdf::read(bytes)?)),
         Format::MeasuredCsv => match measured_csv::read(bytes)? {
@@ -106,6 +111,18 @@ fn parse(
             let text = std::str::from_utf8(bytes)
                 .map_err(|e| Problem::malformed("model.json", "text", e, "JSON in UTF-8"))?;
             Loaded::Model(Box::new(ModelFile::from_json(text)?))
+        }
+        Format::FlakeMap => {
+            let text = std::str::from_utf8(bytes)
+                .map_err(|e| Problem::malformed("flake map", "text", e, "JSON in UTF-8"))?;
+            let map = Arc::new(FlakeMap::from_json(text)?);
+            Loaded::Function(Function {
+                brdf: Box::new(Arc::clone(&map)),
+                format,
+                name: map.name().to_owned(),
+                notes: map_notes(&map),
+                flake_map: Some(map),
+            })
         }
         Format::Mbsdf => Loaded::Table(Box::new(mbsdf::read(bytes)?)),
         Format::Cornell => Loaded::Scattered(cornell::read(bytes)?),
@@ -127,6 +144,17 @@ fn parse(
             function(Box::new(rgl), name, notes)
         }
     })
+}
+
+fn map_notes(map: &FlakeMap) -> BTreeMap<String, String> {
+    let region = map.region();
+    BTreeMap::from([
+        ("index".to_owned(), map.index().to_string()),
+        ("harmonics".to_owned(), map.harmonics().to_string()),
+        ("bytes".to_owned(), map.bytes().to_string()),
+        ("largest_deg".to_owned(), format!("{:.4}", region.largest.degrees())),
+        ("from_mirror_deg".to_owned(), format!("{:.4}", region.from_mirror.degrees())),
+    ])
 }
 
 impl Loaded {

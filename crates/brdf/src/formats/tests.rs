@@ -3,6 +3,7 @@ use std::path::PathBuf;
 use proptest::prelude::*;
 
 use super::*;
+use crate::maps::{FlakeFitOptions, FlakeMap, Region};
 use crate::models::Lambert;
 use crate::{Grid, Meaning, Measured};
 
@@ -21,7 +22,14 @@ fn one_of_each() -> Vec<(&'static str, Vec<u8>, Format)> {
         ("e.mbsdf", mbsdf::tests::file(3), Format::Mbsdf),
         ("f.brdf", b"# c\n2\n500 600\n0.1 0 0.2 3.1 1 2\n".to_vec(), Format::Cornell),
         ("g.f32", nbrdf::tests::file(), Format::NeuralBrdf),
+        ("i.json", flake_map().into_bytes(), Format::FlakeMap),
     ]
+}
+
+fn flake_map() -> String {
+    let samples = Region::default().of_brdf(&Lambert { diffuse: [0.3, 0.2, 0.1] }, 100, 0);
+    let options = FlakeFitOptions { nodes: [4, 4], ..FlakeFitOptions::default() };
+    FlakeMap::fit("flat", &samples, &options).unwrap().to_json().unwrap()
 }
 
 #[test]
@@ -80,7 +88,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
     #[test]
     fn damaged_files_of_any_format_give_errors_or_values_and_never_panic(
-        kind in 0usize..7,
+        kind in 0usize..8,
         changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..8),
         cut in prop::option::of(any::<prop::sample::Index>()),
         head in any::<bool>(),

@@ -8,6 +8,7 @@
 use gonio_optics::{
     Angle, Geometry, Isoline, Vec3,
     isoline::{Method, isoline},
+    isoline_single,
 };
 
 use super::Sample;
@@ -19,6 +20,8 @@ pub struct ColourMap {
     index: f64,
     method: Method,
     largest: Angle,
+    /// 1 over 1 − cos of the largest angle.
+    per_end: f32,
     nodes: usize,
     /// (half, x, y), y fastest; the half of the mirror side first.
     values: Vec<[f32; 3]>,
@@ -43,7 +46,7 @@ impl ColourMap {
                 }
             }
         }
-        Self { index, method, largest, nodes, values }
+        Self { index, method, largest, per_end: (1.0 / end.max(1e-12)) as f32, nodes, values }
     }
 
     /// The same map with another rule beyond the critical angle.
@@ -68,15 +71,32 @@ impl ColourMap {
     /// f of an in-plane geometry (φ below 90° counts as 0°), bilinear between nodes.
     #[must_use]
     pub fn in_plane(&self, g: Geometry) -> Rgb {
-        let end = (1.0 - self.largest.cos()).max(1e-12);
+        let at = |theta: Angle| (1.0 - theta.cos()) as f32;
+        self.between_nodes(at(g.theta_i), at(g.theta_o), g.phi >= Angle::RIGHT).map(f64::from)
+    }
+
+    /// f in 1/sr in single precision without a trigonometric function: unit directions, z the normal.
+    #[inline]
+    #[must_use]
+    pub fn eval_single(&self, light: [f32; 3], view: [f32; 3]) -> [f32; 3] {
+        if light[2] < 0.0 || view[2] < 0.0 {
+            return [0.0; 3];
+        }
+        let i = isoline_single(light, view, self.index as f32, self.method);
+        self.between_nodes(1.0 - i.cos_ill, 1.0 - i.cos_det, i.mirror_side)
+    }
+
+    /// Bilinear at 1 − cos of both angles.
+    #[inline]
+    fn between_nodes(&self, ill: f32, det: f32, mirror_side: bool) -> [f32; 3] {
         let n = self.nodes;
-        let along = |theta: Angle| {
-            let x = ((1.0 - theta.cos()) / end).clamp(0.0, 1.0).sqrt() * (n - 1) as f64;
+        let along = |x: f32| {
+            let x = (x * self.per_end).clamp(0.0, 1.0).sqrt() * (n - 1) as f32;
             let k = (x as usize).min(n - 2);
-            (k, x - k as f64)
+            (k, x - k as f32)
         };
-        let half = usize::from(g.phi < Angle::RIGHT) * n * n;
-        let ((i, a), (j, b)) = (along(g.theta_i), along(g.theta_o));
+        let half = if mirror_side { 0 } else { n * n };
+        let ((i, a), (j, b)) = (along(ill), along(det));
         let first = half + i * n + j;
         let corner = [first, first + 1, first + n, first + n + 1];
         let weight = [(1.0 - a) * (1.0 - b), (1.0 - a) * b, a * (1.0 - b), a * b];
@@ -84,7 +104,7 @@ impl ColourMap {
         for (at, w) in corner.into_iter().zip(weight) {
             if let Some(v) = self.values.get(at) {
                 for c in 0..3 {
-                    out[c] += w * f64::from(v[c]);
+                    out[c] += w * v[c];
                 }
             }
         }

@@ -1,9 +1,10 @@
 //! The file of a flake map: JSON that loads without recomputing.
 //!
 //! ```text
-//! {"format": "gonio-flake-map", "version": 1, "name": …, "index": n, "harmonics": K, "nodes": [40, 40],
-//!  "transform": "log" | "cube-root", "transmittance": bool, "largest_deg": 75, "from_mirror_deg": 15,
-//!  "bounds": [[y_min r, g, b], [y_max r, g, b]], "coefficients": [r, g, b, …], "covered": "0110…"}
+//! {"format": "gonio-flake-map", "version": 2, "name": …, "index": n, "harmonics": K, "nodes": [40, 40],
+//!  "transform": "log" | "cube-root", "edge": β, "largest_deg": 75, "from_mirror_deg": 15,
+//!  "bounds": [[y_min r, g, b], [y_max r, g, b]], "coefficients": [r, g, b, …], "covered": "0110…",
+//!  "sigma": [σ of y at each node] or left out, "findings": [what to know about the map]}
 //! ```
 //!
 //! Coefficients run over θ_inc, then θ_flake, then k, then the channel; nodes stand at equal steps of sin θ_inc and √(sin θ_flake) from 0 to the
@@ -12,10 +13,10 @@
 use gonio_optics::Angle;
 use serde::{Deserialize, Serialize};
 
-use super::{FlakeMap, Region, Transform, flake_map::MAX_HARMONICS};
+use super::{Finding, FlakeMap, Region, Transform, flake_map::MAX_HARMONICS};
 
 const FORMAT: &str = "gonio-flake-map";
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// A map file that cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -45,12 +46,16 @@ struct File {
     harmonics: usize,
     nodes: [usize; 2],
     transform: Transform,
-    transmittance: bool,
+    edge: f64,
     largest_deg: f64,
     from_mirror_deg: f64,
     bounds: [[f32; 3]; 2],
     coefficients: Vec<f32>,
     covered: String,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    sigma: Option<Vec<f32>>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    findings: Vec<Finding>,
 }
 
 impl FlakeMap {
@@ -68,12 +73,14 @@ impl FlakeMap {
             harmonics: self.harmonics,
             nodes: self.nodes,
             transform: self.transform,
-            transmittance: self.transmittance,
+            edge: self.edge,
             largest_deg: self.region.largest.degrees(),
             from_mirror_deg: self.region.from_mirror.degrees(),
             bounds: self.bounds.map(rgb),
             coefficients: self.coefficients.iter().flat_map(|&c| rgb(c)).collect(),
             covered: self.covered.iter().map(|&c| if c { '1' } else { '0' }).collect(),
+            sigma: self.sigma.clone(),
+            findings: self.findings.clone(),
         })?)
     }
 
@@ -116,6 +123,17 @@ impl FlakeMap {
         if file.covered.len() != count || file.covered.bytes().any(|b| b != b'0' && b != b'1') {
             return fail("covered", &file.covered.len(), format!("{count} digits 0 or 1"));
         }
+        if !(-1.0..=2.0).contains(&file.edge) {
+            return fail("edge", &file.edge, "-1 to 2".to_owned());
+        }
+        if let Some(sigma) = &file.sigma {
+            if sigma.len() != count {
+                return fail("sigma", &sigma.len(), format!("{count} numbers"));
+            }
+            if let Some(x) = sigma.iter().find(|x| !(x.is_finite() && **x >= 0.0)) {
+                return fail("sigma", x, "numbers from 0 on".to_owned());
+            }
+        }
         let lanes = |v: [f32; 3]| [v[0], v[1], v[2], 0.0];
         Ok(Self {
             name: file.name,
@@ -123,7 +141,7 @@ impl FlakeMap {
             harmonics: file.harmonics,
             nodes: file.nodes,
             transform: file.transform,
-            transmittance: file.transmittance,
+            edge: file.edge,
             region: Region {
                 largest: Angle::from_degrees(file.largest_deg),
                 from_mirror: Angle::from_degrees(file.from_mirror_deg),
@@ -131,6 +149,8 @@ impl FlakeMap {
             bounds: file.bounds.map(lanes),
             coefficients: file.coefficients.chunks_exact(3).map(|c| lanes([c[0], c[1], c[2]])).collect(),
             covered: file.covered.bytes().map(|b| b == b'1').collect(),
+            sigma: file.sigma,
+            findings: file.findings,
         })
     }
 }

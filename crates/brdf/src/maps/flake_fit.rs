@@ -4,111 +4,29 @@
 //! Σ_m w_m (y_m − Σ_k P_k c_k)² + λ Σ_k Σ_nodes (second differences of c_k along both axes)² → min
 //! ```
 //!
-//! w_m is the solid angle over `(σ/f)² + τ²`: τ, the error of the map itself, keeps exact data from counting without limit. The smoothness term
-//! fills nodes without data, and alone decides there. The unknowns of a node stand together, so the matrix is a band and is factorised directly.
+//! w_m is the solid angle over `(σ dy/df)² + τ_y²`: τ, the error of the map itself, keeps exact data from counting without limit. The smoothness
+//! term fills nodes without data, and alone decides there. The unknowns of a node stand together, so the matrix is a band and is factorised
+//! directly. Of a cell mean the equation is the mean over the cell; that y is curved over f is put right from the map itself, fit by fit.
+
+use gonio_optics::{Angle, Vec3, quadrature};
 
 use super::{
-    FlakeMap, Region, Sample, Transform,
-    banded::Banded,
-    flake_map::{MAX_HARMONICS, basis, place, transmittance},
+    FitError, FlakeFitOptions, FlakeMap, Region, Sample, Transform,
+    finding::Finding,
+    flake_choice::choose,
     flake_point::{FlakePoint, single},
-    transform::DARKEST,
+    flake_rows::{Datum, Row, Shape, solve},
 };
+use crate::{Flag, Meaning, Measured, average::CellBounds};
 
-/// How a map is made.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FlakeFitOptions {
-    /// Refractive index of the coat, 1 for none.
-    pub index: f64,
-    /// K, 0 to 3.
-    pub harmonics: usize,
-    /// Nodes over θ_inc and θ_flake, at least 4 each.
-    pub nodes: [usize; 2],
-    /// Scale on which errors count.
-    pub transform: Transform,
-    /// Whether T(θi)·T(θo) of the coat is divided out before the fit. Right for a diffuse base; of real paints it helps some and harms more,
-    /// and from K = 1 on it makes no difference.
-    pub transmittance: bool,
-    /// λ, against a mean weight of 1 per node.
-    pub smoothness: f64,
-    /// τ, relative to f.
-    pub own_error: f64,
-    /// Samples elsewhere do not take part.
-    pub region: Region,
-}
-
-impl Default for FlakeFitOptions {
-    fn default() -> Self {
-        Self {
-            index: 1.5,
-            harmonics: 1,
-            nodes: [40, 40],
-            transform: Transform::CubeRoot,
-            transmittance: false,
-            smoothness: 1e-3,
-            own_error: 0.05,
-            region: Region::default(),
-        }
-    }
-}
-
-/// A map that cannot be made.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum FitError {
-    /// An option outside its bounds.
-    #[error("{option} = {found}: expected {expected}")]
-    Option {
-        /// Which.
-        option: &'static str,
-        /// Its value.
-        found: String,
-        /// What would be accepted.
-        expected: &'static str,
-    },
-    /// Too little data.
-    #[error(
-        "{found} measured geometries within {largest_deg}° and more than {mirror_deg}° from the mirror direction: expected at least {expected}; measure more of them or use fewer harmonics"
-    )]
-    Data {
-        /// Samples that take part.
-        found: usize,
-        /// The least number.
-        expected: usize,
-        /// Limit of the polar angles, degrees.
-        largest_deg: f64,
-        /// Cone left out, degrees.
-        mirror_deg: f64,
-    },
-    /// The equations have no solution in f64.
-    #[error("the equations of the map cannot be solved with smoothness {smoothness}: raise it")]
-    Singular {
-        /// λ.
-        smoothness: f64,
-    },
-}
-
-impl FlakeFitOptions {
-    fn check(&self) -> Result<(), FitError> {
-        let fail = |option, found: String, expected| Err(FitError::Option { option, found, expected });
-        // not written as < so that NaN is refused
-        if !(1.0..=4.0).contains(&self.index) {
-            return fail("index", self.index.to_string(), "1 to 4");
-        }
-        if self.harmonics > MAX_HARMONICS {
-            return fail("harmonics", self.harmonics.to_string(), "0 to 3");
-        }
-        if !self.nodes.iter().all(|n| (4..=256).contains(n)) {
-            return fail("nodes", format!("{:?}", self.nodes), "4 to 256 each");
-        }
-        if !(1e-9..=1e6).contains(&self.smoothness) {
-            return fail("smoothness", self.smoothness.to_string(), "1e-9 to 1e6");
-        }
-        if !(1e-4..=10.0).contains(&self.own_error) {
-            return fail("own_error", self.own_error.to_string(), "1e-4 to 10");
-        }
-        Ok(())
-    }
-}
+/// Gauss–Legendre nodes across a cell, each way.
+const ACROSS: usize = 3;
+/// Fits after the first that put the curved scale right.
+const REFITS: usize = 2;
+/// Below this share of covered nodes within the region a map says so.
+const WELL_COVERED: f64 = 0.5;
+/// How much better than with a coat measurements must be predicted without one before the map says so.
+const NOT_SEEN: f64 = 1.25;
 
 impl FlakeMap {
     /// Fits a map to samples.
@@ -116,138 +34,146 @@ impl FlakeMap {
     /// # Errors
     /// [`FitError`]: an option outside its bounds, too few samples, or no solution.
     pub fn fit(name: &str, samples: &[Sample], options: &FlakeFitOptions) -> Result<Self, FitError> {
+        let taking = samples.iter().filter(|s| options.region.contains(s.light, s.view));
+        Self::fit_data(name, &taking.copied().map(Datum::node).collect::<Vec<_>>(), options)
+    }
+
+    /// Fits a map to the measured cells of a table (filled and extrapolated ones are left out), weighted by their solid angle and σ. Cell means are
+    /// met by means of the map over the cell.
+    ///
+    /// # Errors
+    /// [`FitError`]: an option outside its bounds, too few cells, or no solution.
+    pub fn fit_table(name: &str, table: &Measured, options: &FlakeFitOptions) -> Result<Self, FitError> {
+        Self::fit_data(name, &cells(table, options.region), options)
+    }
+
+    fn fit_data(name: &str, data: &[Datum], options: &FlakeFitOptions) -> Result<Self, FitError> {
         options.check()?;
-        let taking: Vec<&Sample> =
-            samples.iter().filter(|s| options.region.contains(s.light, s.view)).collect();
-        let terms = options.harmonics + 1;
-        if taking.len() < 3 * terms {
+        let mut options = *options;
+        let mut findings = Vec::new();
+        if options.harmonics > 0
+            && !data.is_empty()
+            && data.iter().all(|d| in_plane(&d.sample, options.index))
+        {
+            findings.push(Finding::AllInPlane { asked: options.harmonics });
+            options.harmonics = 0;
+        }
+        let least = 3 * (options.harmonics + 1);
+        if data.len() < least {
             return Err(FitError::Data {
-                found: taking.len(),
-                expected: 3 * terms,
+                found: data.len(),
+                expected: least,
                 largest_deg: options.region.largest.degrees(),
                 mirror_deg: options.region.from_mirror.degrees(),
             });
         }
-        let [across, along] = options.nodes;
-        let count = across * along;
-        let rows: Vec<Row> = taking.iter().map(|s| Row::new(s, options)).collect();
-        let total: f64 = rows.iter().map(|r| r.weight).sum();
-        let unit = count as f64 / total;
-        // means are taken off, so that the hold on the overall level below pulls towards them and not to zero
-        let mean = [0, 1, 2].map(|c| rows.iter().map(|r| r.weight * r.y[c]).sum::<f64>() / total);
-
-        let mut matrix = Banded::new(count * terms, 2 * along * terms);
-        let mut right = vec![vec![0.0; count * terms]; 3];
-        let mut covered = vec![false; count];
-        for row in &rows {
-            let w = row.weight * unit;
-            let mut unknowns = [(0, 0.0); 4 * (MAX_HARMONICS + 1)];
-            let used = &mut unknowns[..4 * terms];
-            for (slot, u) in used.iter_mut().enumerate() {
-                let (corner, k) = (slot / terms, slot % terms);
-                *u = (row.corner[corner] * terms + k, row.share[corner] * row.basis[k]);
+        let choice = choose(data, &options);
+        let shape = Shape::of(&options);
+        let mut rows: Vec<Row> = data.iter().map(|d| Row::new(d, &shape, choice.edge)).collect();
+        let means = data.iter().any(|d| d.points.len() > 1);
+        let mut coefficients = Vec::new();
+        for _ in 0..=if means { REFITS } else { 0 } {
+            if !coefficients.is_empty() {
+                rows.iter_mut().for_each(|r| r.unbend(&shape, &coefficients));
             }
-            for (a, &(m, p)) in used.iter().enumerate() {
-                for (r, (y, mean)) in right.iter_mut().zip(row.y.iter().zip(mean)) {
-                    r[m] += w * p * (y - mean);
-                }
-                for &(n, q) in &used[..=a] {
-                    matrix.add(m, n, w * p * q);
-                }
-            }
-            for (node, share) in row.corner.iter().zip(row.share) {
-                covered[*node] |= share > 0.0;
-            }
+            coefficients = solve(rows.iter(), &shape, choice.smoothness)
+                .ok_or(FitError::Singular { smoothness: choice.smoothness })?;
         }
-        smooth(&mut matrix, options);
-        if !matrix.solve(&mut right) {
-            return Err(FitError::Singular { smoothness: options.smoothness });
+        let mut covered = vec![false; shape.count()];
+        for &(m, share) in rows.iter().flat_map(|r| &r.used) {
+            covered[m / shape.terms] |= share != 0.0 && m.is_multiple_of(shape.terms);
         }
-
-        let coefficients = (0..count * terms)
-            .map(|i| {
-                let level = |c: usize| if i % terms == 0 { mean[c] } else { 0.0 };
-                [0, 1, 2, 3].map(|c| right.get(c).map_or(0.0, |r| (r[i] + level(c)) as f32))
-            })
-            .collect();
+        if let Some(ratio) = choice.against_none.filter(|r| *r > NOT_SEEN) {
+            findings.push(Finding::CoatNotSeen { index: options.index, ratio });
+        }
         let extreme = |start: f64, pick: fn(f64, f64) -> f64| {
             let of = |c: usize| rows.iter().map(|r| r.y[c]).fold(start, pick) as f32;
             [of(0), of(1), of(2), 0.0]
         };
-        Ok(Self {
+        let mut bounds = [extreme(f64::INFINITY, f64::min), extreme(f64::NEG_INFINITY, f64::max)];
+        if options.transform == Transform::CubeRoot {
+            // noise about zero is data, a negative reflectance is no answer
+            bounds = bounds.map(|b| b.map(|y| y.max(0.0)));
+        }
+        let mut map = Self {
             name: name.to_owned(),
             index: options.index,
             harmonics: options.harmonics,
             nodes: options.nodes,
             transform: options.transform,
-            transmittance: options.transmittance,
+            edge: choice.edge,
             region: options.region,
-            bounds: [extreme(f64::INFINITY, f64::min), extreme(f64::NEG_INFINITY, f64::max)],
-            coefficients,
+            bounds,
+            coefficients: coefficients.iter().map(|c| [c[0] as f32, c[1] as f32, c[2] as f32, 0.0]).collect(),
             covered,
-        })
-    }
-}
-
-/// One sample's equation.
-struct Row {
-    corner: [usize; 4],
-    share: [f64; 4],
-    basis: [f64; MAX_HARMONICS + 1],
-    y: [f64; 3],
-    weight: f64,
-}
-
-impl Row {
-    fn new(s: &Sample, o: &FlakeFitOptions) -> Self {
-        let p = FlakePoint::new(single(s.light), single(s.view), (1.0 / o.index) as f32);
-        let (corner, share) = place(&p, o.index, o.nodes);
-        let t = if o.transmittance {
-            f64::from(transmittance(s.light.z as f32, s.view.z as f32, o.index as f32))
-        } else {
-            1.0
+            sigma: None,
+            findings,
         };
-        let f = s.value.map(|f| f / t);
-        // of the three channels the mean: one weight keeps one matrix for all of them
-        let variance: f64 =
-            (0..3).map(|c| (s.sigma[c] / s.value[c].abs().max(DARKEST)).powi(2)).sum::<f64>() / 3.0;
-        Self {
-            corner,
-            share: share.map(f64::from),
-            basis: basis::<{ MAX_HARMONICS + 1 }>(&p, o.index).map(f64::from),
-            y: f.map(|f| o.transform.forward(f)),
-            weight: s.weight / (variance + o.own_error * o.own_error),
+        let share = map.covered_share();
+        if share < WELL_COVERED {
+            map.findings.push(Finding::MostlyContinued { covered: share });
         }
+        Ok(map)
+    }
+
+    /// Share of the region's geometries, by solid angle, with measurements beside them.
+    #[must_use]
+    pub fn covered_share(&self) -> f64 {
+        const COUNT: usize = 2000;
+        let covered = self.region.directions(COUNT, 0).filter(|&(l, v)| self.covers(l, v)).count();
+        covered as f64 / COUNT as f64
     }
 }
 
-/// λ times the squares of second differences along both axes, and a faint hold on each unknown where nothing else decides.
-fn smooth(matrix: &mut Banded, o: &FlakeFitOptions) {
-    let ([across, along], terms) = (o.nodes, o.harmonics + 1);
-    let at = |i: usize, j: usize, k: usize| (i * along + j) * terms + k;
-    let mut bend = |u: [usize; 3]| {
-        for (a, &m) in u.iter().enumerate() {
-            for (b, &n) in u.iter().enumerate().take(a + 1) {
-                let c = [1.0, -2.0, 1.0];
-                matrix.add(m, n, o.smoothness * c[a] * c[b]);
-            }
-        }
+/// Whether P_k is that of φ_d = 0 within a few parts in a thousand, for all k.
+fn in_plane(s: &Sample, index: f64) -> bool {
+    let p = FlakePoint::new(single(s.light), single(s.view), (1.0 / index) as f32);
+    let [first, square] = p.first_harmonic();
+    square.sqrt() - first < 0.005
+}
+
+/// The measured cells of a table within the region.
+fn cells(table: &Measured, region: Region) -> Vec<Datum> {
+    let Meaning::CellMean { lamp_half_angle } = table.meaning else {
+        return region.of_table(table).into_iter().map(Datum::node).collect();
     };
-    for i in 0..across {
-        for j in 0..along {
-            for k in 0..terms {
-                if i + 2 < across {
-                    bend([at(i, j, k), at(i + 1, j, k), at(i + 2, j, k)]);
-                }
-                if j + 2 < along {
-                    bend([at(i, j, k), at(i, j + 1, k), at(i, j + 2, k)]);
-                }
+    let rule = quadrature::gauss_legendre(ACROSS);
+    let mut data = Vec::new();
+    for (i, flag) in table.flag.iter().enumerate() {
+        let cell = table.grid.coordinates(i);
+        let Some(sample) = region.of_cell(table, i).filter(|_| *flag == Flag::Measured) else { continue };
+        let b = CellBounds::of(&table.grid, lamp_half_angle, cell);
+        let (ca, cb) = (b.theta_o.0.cos(), b.theta_o.1.cos());
+        let mut points = Vec::with_capacity(ACROSS * ACROSS);
+        for &(x, wx) in &rule {
+            for &(y, wy) in &rule {
+                let theta = Angle::from_radians((ca + (cb - ca) * x).clamp(-1.0, 1.0).acos());
+                let phi = b.phi.0 + (b.phi.1 - b.phi.0) * y;
+                points.push((sample.light, Vec3::from_polar(theta, phi), wx * wy));
             }
         }
+        data.push(Datum { sample, points });
     }
-    for m in 0..across * along * terms {
-        // harmonics are held a little more: where the azimuth was not varied they stay at zero
-        let hold = if m % terms == 0 { 1e-6 } else { 1e-3 };
-        matrix.add(m, m, hold * o.smoothness.min(1.0));
+    data
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::maps::flake_map::place;
+    use gonio_optics::flake::flake_angles;
+
+    #[test]
+    fn the_corners_of_a_place_hold_it() {
+        for (l, v) in Region::default().directions(500, 1) {
+            let p = FlakePoint::new(single(l), single(v), 1.0 / 1.5);
+            let (corner, share) = place(&p, 1.5, [40, 30]);
+            let a = flake_angles(l, v, 1.5);
+            let (inc, flake) = (1.5 * a.theta_inc.sin() * 39.0, (1.5 * a.theta_flake.sin()).sqrt() * 29.0);
+            let mean = |f: fn(usize) -> usize| {
+                corner.iter().zip(share).map(|(c, s)| f(*c) as f64 * f64::from(s)).sum::<f64>()
+            };
+            assert!((mean(|c| c / 30) - inc).abs() < 1e-3 && (mean(|c| c % 30) - flake).abs() < 1e-3);
+        }
     }
 }

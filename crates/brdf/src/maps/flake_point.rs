@@ -10,6 +10,12 @@
 
 use gonio_optics::Vec3;
 
+use super::flake_lanes::{above, next_harmonic};
+
+/// p² = sin² θ_inc sin² θ_flake at which a harmonic has half its amplitude: 13.5° of each, inside the coat. Without a half-way point P_k grows
+/// like p^2k up to the edge of the map, and the coefficients that serve there and nearer the lobe differ by orders of magnitude.
+const HALF_WAY: f32 = 0.003;
+
 /// Place of a pair of directions.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FlakePoint {
@@ -25,23 +31,44 @@ pub(super) struct FlakePoint {
 
 impl FlakePoint {
     /// Of unit directions above the surface; `inverse_index` is 1/n. Exchanging them changes no bit.
-    #[inline]
+    #[inline(always)]
     pub(super) fn new(l: [f32; 3], v: [f32; 3], inverse_index: f32) -> Self {
-        let refract = |d: [f32; 3]| {
-            let (x, y) = (d[0] * inverse_index, d[1] * inverse_index);
-            [x, y, (1.0 - x * x - y * y).max(0.0).sqrt()]
-        };
-        let (l, v) = (refract(l), refract(v));
+        let (l, v) = (refract(l, inverse_index), refract(v, inverse_index));
         let s = [l[0] + v[0], l[1] + v[1], l[2] + v[2]];
         let d = [l[0] - v[0], l[1] - v[1], l[2] - v[2]];
         let inc2 = 0.25 * (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
         let flat = s[0] * s[0] + s[1] * s[1];
         // opposite grazing directions without a coat have no sum: their flake lies flat
-        let flake2 = flat / (flat + s[2] * s[2]).max(1e-30);
+        let flake2 = flat / above(flat + s[2] * s[2], 1e-30);
         let p2 = inc2 * flake2;
         let q2 = 0.25 * d[2] * d[2];
         Self { sin_inc: inc2.sqrt(), root_flake: flake2.sqrt().sqrt(), p2, p2_cos2: 2.0 * q2 - p2 }
     }
+
+    /// P_1 and the square of its amplitude.
+    #[inline(always)]
+    pub(super) fn first_harmonic(&self) -> [f32; 2] {
+        let share = 1.0 / (self.p2 + HALF_WAY);
+        let amplitude = self.p2 * share;
+        [self.p2_cos2 * share, amplitude * amplitude]
+    }
+
+    /// P_0 … P_(N−1).
+    pub(super) fn harmonics<const N: usize>(&self) -> [f32; N] {
+        let [first, square] = self.first_harmonic();
+        let mut out = [1.0; N];
+        for k in 1..N {
+            out[k] = next_harmonic(k, first, square, &out);
+        }
+        out
+    }
+}
+
+/// Into the coat.
+#[inline(always)]
+fn refract(d: [f32; 3], inverse_index: f32) -> [f32; 3] {
+    let (x, y) = (d[0] * inverse_index, d[1] * inverse_index);
+    [x, y, above(1.0 - x * x - y * y, 0.0).sqrt()]
 }
 
 /// Components as the look-up takes them.

@@ -82,27 +82,31 @@ impl Region {
     /// The measured cells of a table (filled and extrapolated ones are left out), weighted by the solid angle of light and view.
     #[must_use]
     pub fn of_table(self, table: &Measured) -> Vec<Sample> {
+        (0..table.values.len())
+            .filter(|i| table.flag.get(*i) == Some(&Flag::Measured))
+            .filter_map(|i| self.of_cell(table, i))
+            .collect()
+    }
+
+    /// Cell `i` of a table, where its middle lies within the region and its value is a number.
+    pub(super) fn of_cell(self, table: &Measured, i: usize) -> Option<Sample> {
         let grid = &table.grid;
-        let mut samples = Vec::new();
-        for (i, (value, flag)) in table.values.iter().zip(&table.flag).enumerate() {
-            let [ti, to, phi] = grid.coordinates(i);
-            let geometry = grid.geometry(ti, to, phi);
-            let (light, view) = geometry.directions();
-            if *flag != Flag::Measured || !self.contains(light, view) {
-                continue;
-            }
-            // the axis of incidence has no bins: a step of half a degree keeps the pole from weighing nothing
-            let ring = geometry.theta_i.sin().max(Angle::from_degrees(0.5).sin());
-            samples.push(Sample {
-                light,
-                view,
-                value: value.map(f64::from),
-                sigma: table.sigma.get(i).map_or([0.0; 3], |s| s.map(f64::from)),
-                weight: grid.solid_angle(to, phi) * ring,
-            });
+        let [ti, to, phi] = grid.coordinates(i);
+        let geometry = grid.geometry(ti, to, phi);
+        let (light, view) = geometry.directions();
+        if !self.contains(light, view) {
+            return None;
         }
-        samples.retain(usable);
-        samples
+        // the axis of incidence has no bins: a step of half a degree keeps the pole from weighing nothing
+        let ring = geometry.theta_i.sin().max(Angle::from_degrees(0.5).sin());
+        let sample = Sample {
+            light,
+            view,
+            value: table.values.get(i)?.map(f64::from),
+            sigma: table.sigma.get(i).map_or([0.0; 3], |s| s.map(f64::from)),
+            weight: grid.solid_angle(to, phi) * ring,
+        };
+        usable(&sample).then_some(sample)
     }
 
     /// Scattered measurements, of equal weight.

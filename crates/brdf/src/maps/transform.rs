@@ -27,6 +27,16 @@ impl Transform {
         }
     }
 
+    /// dy/df; that of the darkest f where f is darker.
+    #[must_use]
+    pub fn slope(self, f: f64) -> f64 {
+        let f = f.abs().max(DARKEST);
+        match self {
+            Self::Log => std::f64::consts::LOG2_E / f,
+            Self::CubeRoot => f.cbrt() / (3.0 * f),
+        }
+    }
+
     /// f of y, not negative.
     #[inline]
     #[must_use]
@@ -42,8 +52,8 @@ impl Transform {
 }
 
 /// 2^x to 3e-7 of its value for −126 ≤ x ≤ 126, held there outside: no branch, no call, so that loops over it become vector code.
-#[inline]
-fn exp2(x: f32) -> f32 {
+#[inline(always)]
+pub(super) fn exp2(x: f32) -> f32 {
     // 1.5·2^23: adding it leaves the nearest whole number in the lowest bits
     const ROUND: f32 = 12_582_912.0;
     let x = x.clamp(-126.0, 126.0);

@@ -1,52 +1,124 @@
-//! `gonio eval`: f at the geometries of a CSV file.
+//! `gonio eval`: f at the geometries of a CSV file, as the file has it or as another representation would say it.
 
 use std::fmt::Write;
 use std::path::Path;
 
-use gonio_brdf::formats::{self, geometry_csv};
+use gonio_brdf::Rgb;
+use gonio_brdf::formats::geometry_csv;
+use gonio_optics::Geometry;
+use gonio_tailor::{Finding, Material, Representation, Standing};
 use serde_json::json;
 
 use crate::arguments::EvalArguments;
+use crate::effect;
 use crate::outcome::{Failure, Outcome};
 use crate::output::{self, Printer};
 
-/// Appends r,g,b (1/sr) to every geometry.
+/// What is said of one geometry.
+struct Said {
+    /// f in 1/sr.
+    value: Rgb,
+    /// Standard uncertainty in 1/sr, where the representation states one.
+    sigma: Option<Rgb>,
+    /// Only by representations that know theirs.
+    standing: Option<Standing>,
+}
+
+/// Appends r,g,b (1/sr) to every geometry, σ where the representation states one, and a flag where it knows what it covers.
 ///
 /// # Errors
-/// [`Failure::Usage`] for files that cannot be read, a representation that is not known, scattered data.
+/// [`Failure::Usage`] for files that cannot be read, a representation that is not known or cannot be made of the file.
 pub fn run(a: &EvalArguments, printer: Printer) -> Result<Outcome, Failure> {
-    if a.representation != "table" {
-        return Err(Failure::usage(format!(
-            "--as {}: this version evaluates tables and models as they are (--as table)",
-            a.representation
-        )));
-    }
+    let representation: Representation =
+        a.representation.parse().map_err(|e| Failure::usage(format!("--as: {e}")))?;
     output::check_free(&a.output, a.force)?;
     output::check_apart(&a.output, &[Path::new(&a.input), &a.geometries])?;
-    let loaded = formats::open(Path::new(&a.input)).map_err(Failure::usage)?;
-    let brdf = loaded.as_brdf().ok_or_else(|| {
-        Failure::usage(format!(
-            "{} holds scattered geometries, nothing in between; fit a model to it first",
-            a.input
-        ))
-    })?;
+    let material = effect::material(&a.input)?;
     let geometries = geometry_csv::open(&a.geometries).map_err(Failure::usage)?;
-    let mut text = String::from("theta_i_deg,theta_o_deg,phi_deg,r,g,b\n");
-    for g in &geometries {
-        let (l, v) = g.directions();
-        let [r, green, b] = brdf.eval(l, v);
-        let _ = writeln!(
-            text,
-            "{},{},{},{r},{green},{b}",
-            g.theta_i.degrees(),
-            g.theta_o.degrees(),
-            g.phi.degrees()
-        );
-    }
+    let (said, findings) = match representation {
+        Representation::Table => (as_it_is(&material, &geometries)?, Vec::new()),
+        _ => as_other(a, &material, representation, &geometries)?,
+    };
+    effect::say(&findings);
+    let text = to_csv(&geometries, &said);
     output::write_whole(&a.output, text.as_bytes())?;
+    let count = |s: Standing| said.iter().filter(|x| x.standing == Some(s)).count();
+    let parts = [
+        (count(Standing::CriticalAngle), "beyond the critical angle, where the method's rule decides"),
+        (count(Standing::BeyondLargest), "steeper than the map reaches, taken at its edge"),
+        (count(Standing::NothingNear), "with no measurement near, continued smoothly"),
+        (count(Standing::Gloss), "about the mirror direction, where the map leaves the gloss out"),
+    ];
+    let mut lines =
+        format!("{} geometries as {representation}, written to {}", geometries.len(), a.output.display());
+    for (n, words) in parts.iter().filter(|p| p.0 > 0) {
+        let _ = write!(lines, "\n  {n} {words} (flag 2)");
+    }
     printer.result(
-        &format!("{} geometries, written to {}", geometries.len(), a.output.display()),
-        &json!({ "geometries": geometries.len(), "output": output::shown(&a.output) }),
+        &lines,
+        &json!({
+            "geometries": geometries.len(), "representation": representation.to_string(),
+            "beyond_critical_angle": parts[0].0, "beyond_largest": parts[1].0, "nothing_near": parts[2].0, "within_gloss": parts[3].0,
+            "findings": effect::findings_json(&findings), "output": output::shown(&a.output),
+        }),
     );
     Ok(Outcome::Done)
+}
+
+/// `theta_i_deg,theta_o_deg,phi_deg,r,g,b[,sigma_r,sigma_g,sigma_b][,flag]`.
+fn to_csv(geometries: &[Geometry], said: &[Said]) -> String {
+    let (sigma, flag) = (said.iter().any(|s| s.sigma.is_some()), said.iter().any(|s| s.standing.is_some()));
+    let mut text = String::from("theta_i_deg,theta_o_deg,phi_deg,r,g,b");
+    text.push_str(if sigma { ",sigma_r,sigma_g,sigma_b" } else { "" });
+    text.push_str(if flag { ",flag\n" } else { "\n" });
+    for (g, s) in geometries.iter().zip(said) {
+        let mut cells: Vec<String> =
+            [g.theta_i, g.theta_o, g.phi].iter().map(|a| a.degrees().to_string()).collect();
+        cells.extend(s.value.iter().map(ToString::to_string));
+        if sigma {
+            cells.extend(s.sigma.unwrap_or_default().iter().map(ToString::to_string));
+        }
+        if flag {
+            cells.push(s.standing.map_or(0, Standing::flag).to_string());
+        }
+        text.push_str(&cells.join(","));
+        text.push('\n');
+    }
+    text
+}
+
+fn as_it_is(material: &Material, geometries: &[Geometry]) -> Result<Vec<Said>, Failure> {
+    let brdf = material.brdf().ok_or_else(|| {
+        Failure::usage(format!(
+            "{} holds scattered geometries, nothing in between; use --as flake-map:K, or fit a model to it first",
+            material.name
+        ))
+    })?;
+    let map = material.flake_map();
+    let at = |g: &Geometry| {
+        let (l, v) = g.directions();
+        let standing = map.map(|m| m.standing(l, v).into());
+        Said { value: brdf.eval(l, v), sigma: map.and_then(|m| m.sigma(l, v)), standing }
+    };
+    Ok(geometries.iter().map(at).collect())
+}
+
+fn as_other(
+    a: &EvalArguments,
+    material: &Material,
+    representation: Representation,
+    geometries: &[Geometry],
+) -> Result<(Vec<Said>, Vec<Finding>), Failure> {
+    let options = effect::options(&a.map, material)?;
+    let mut findings = Finding::of_coat(material, options.index);
+    let built = representation
+        .build(material, &options)
+        .map_err(|e| Failure::usage(format!("{} as {representation}: {e}", material.name)))?;
+    findings.extend(built.findings.iter().cloned());
+    let at = |g: &Geometry| {
+        let (l, v) = g.directions();
+        let sigma = built.flake_map().and_then(|m| m.sigma(l, v));
+        Said { value: built.eval(l, v), sigma, standing: Some(built.standing(l, v)) }
+    };
+    Ok((geometries.iter().map(at).collect(), findings))
 }

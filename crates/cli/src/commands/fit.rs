@@ -28,6 +28,9 @@ impl From<WeightsName> for Weights {
 /// # Errors
 /// [`Failure::Usage`] for input that cannot be read or fitted; [`Failure::Failed`] where nothing could be fitted.
 pub fn run(a: &FitArguments, printer: Printer) -> Result<Outcome, Failure> {
+    if a.model.starts_with("flake-map") {
+        return super::flake::fit(a, printer);
+    }
     for path in a.output.iter().chain(&a.report) {
         output::check_free(path, a.force)?;
         output::check_apart(path, &[Path::new(&a.input)])?;

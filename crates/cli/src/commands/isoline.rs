@@ -28,7 +28,10 @@ pub fn run(a: &IsolineArguments, printer: Printer) -> Result<Outcome, Failure> {
     let mut limited = 0;
     for g in &geometries {
         let (l, v) = g.directions();
-        let line = isoline(l, v, a.index, method);
+        let mut line = isoline(l, v, a.index, method);
+        if a.exchanged {
+            std::mem::swap(&mut line.theta_ill, &mut line.theta_det);
+        }
         limited += usize::from(line.limited);
         let angles = [
             g.theta_i,
@@ -52,7 +55,7 @@ pub fn run(a: &IsolineArguments, printer: Printer) -> Result<Outcome, Failure> {
             geometries.len(),
             a.output.display()
         ),
-        &json!({ "geometries": geometries.len(), "limited": limited, "output": output::shown(&a.output) }),
+        &json!({ "geometries": geometries.len(), "limited": limited, "exchanged": a.exchanged, "output": output::shown(&a.output) }),
     );
     Ok(Outcome::Done)
 }

@@ -10,5 +10,6 @@ mod house;
 mod laws;
 mod main_job;
 mod real_data;
+mod renderers;
 mod two_optics_agree;
 mod wire;

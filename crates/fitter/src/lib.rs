@@ -27,6 +27,7 @@ mod options;
 mod problem;
 mod report;
 mod search;
+pub mod sopp;
 mod uncertainty;
 mod voronoi;
 

@@ -5,6 +5,7 @@ pub mod demo;
 pub mod doctor;
 pub mod eval;
 pub mod fit;
+mod fit_batch;
 pub mod info;
 pub mod isoline;
 pub mod replay;
@@ -35,7 +36,9 @@ pub fn dispatch(arguments: Arguments) -> Result<Outcome, Failure> {
         Command::Fit(a) => fit::run(&a, printer),
         Command::Eval(a) => eval::run(&a, printer),
         Command::Isoline(a) => isoline::run(&a, printer),
-        Command::Convert { input, output, force } => convert::run(&input, &output, force, printer),
+        Command::Convert { input, output, renderer, force } => {
+            convert::run(&input, &output, renderer.as_deref(), force, printer)
+        }
         Command::Info { file } => info::run(&file, printer),
         Command::Show(a) => show::run(&a, printer),
         Command::Status => running::status(printer),

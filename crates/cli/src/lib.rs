@@ -4,9 +4,11 @@
 //! tests) that knows both the simulator and the driver.
 
 pub mod arguments;
+pub mod batch_inputs;
 pub mod commands;
 pub mod continuing;
 pub mod control;
+pub mod exporting;
 pub mod fitting;
 pub mod outcome;
 pub mod output;

@@ -18,6 +18,7 @@
 //!
 //! Left to others: files, devices, what a cell is ([`gonio_brdf`]), pictures of the residuals.
 
+pub mod anneal;
 mod cache;
 mod colour_error;
 mod fit;

@@ -5,6 +5,7 @@
 
 mod axis;
 pub(crate) mod cells;
+pub mod chart;
 mod colorbar;
 pub mod compare;
 pub mod coverage;
@@ -16,6 +17,7 @@ mod strip;
 pub mod unfolded;
 
 pub use cells::model_table;
+pub use chart::{Chart, ChartPoint};
 pub use compare::{Compare, Difference, compare, compare_tables};
 pub use coverage::coverage;
 pub use lobe::{Channel, Curve, Lobe, lobe};

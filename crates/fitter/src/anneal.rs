@@ -8,6 +8,8 @@ use argmin::solver::simulatedannealing::{Anneal, SATempFunc, SimulatedAnnealing}
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{RngCore, SeedableRng};
 
+use crate::{Fit, Observations, Options, fit::fit_by, solve};
+
 /// How long and how hot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AnnealOptions {
@@ -34,6 +36,22 @@ pub struct Annealed {
     pub value: f64,
     /// Evaluations.
     pub evaluations: u64,
+}
+
+/// Fits `options.model` by annealing over its nonlinear parameters, the colours solved for inside as [`crate::fit`] does; no refinement follows.
+///
+/// Robust losses are not iterated here: the squares count. `ModelChoice::Auto` is the simplified Ashikhmin–Shirley model.
+#[must_use]
+pub fn fit_by_annealing(obs: &Observations, options: &Options, how: AnnealOptions) -> Fit {
+    fit_by(obs, options, options.model, &|family| {
+        let (bounds, objective) = solve::objective(obs, options, family);
+        // a model without nonlinear parameters has nothing to search
+        let q = anneal(&bounds, how, &objective).map_or_else(
+            || bounds.iter().map(|b| 0.5 * (b.0 + b.1)).collect(),
+            |found| found.at,
+        );
+        solve::at(obs, options, family, &q, None, true)
+    })
 }
 
 /// An objective on the unit box; its value scaled so that 1 is what the middle has.

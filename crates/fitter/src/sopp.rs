@@ -21,7 +21,7 @@ use gonio_brdf::{
 };
 use gonio_optics::COS_FLOOR;
 
-use crate::{Observations, Options, Weights, observations::Datum};
+use crate::{Fit, ModelChoice, Observations, Options, Weights, fit::fit_by, observations::Datum, solve};
 
 pub use iteration::{Ended, Stage};
 use iteration::{Form, Node, Point, iterate};
@@ -150,6 +150,35 @@ pub fn sopp(obs: &Observations, options: &Options, sopp: &SoppOptions) -> SoppRu
         run.stages.push(stage);
     }
     run
+}
+
+/// The run as a [`Fit`], so that its errors, colour differences and residuals can be compared; a run that did not settle is `stalled`.
+///
+/// The errors are those of the model averaged as the data say, with the weights of `options`.
+#[must_use]
+pub fn as_fit(obs: &Observations, options: &Options, run: &SoppRun) -> Fit {
+    let (diffuse, specular) = match run.model() {
+        Model::AshikhminShirley(m) => (m.diffuse, m.specular),
+        Model::AshikhminShirleySimplified(m) => (m.diffuse, m.specular),
+        _ => ([0.0; 3], [0.0; 3]),
+    };
+    let choice = match run.r0 {
+        Some(_) => ModelChoice::AshikhminShirley,
+        None => ModelChoice::AshikhminShirleySimplified,
+    };
+    fit_by(obs, options, choice, &|family| {
+        let at: Vec<f64> = family
+            .parameters
+            .iter()
+            .map(|p| {
+                let value = if p.name == "r0" { run.r0.unwrap_or(1.0) } else { run.exponent };
+                let (low, high) = p.walked();
+                let q = value.max(f64::MIN_POSITIVE).ln();
+                if q.is_finite() { q.clamp(low, high) } else { low }
+            })
+            .collect();
+        solve::at(obs, options, family, &at, Some(&[diffuse, specular]), run.succeeded())
+    })
 }
 
 fn node(d: &Datum, total: Option<f64>) -> Node {

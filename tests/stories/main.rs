@@ -3,6 +3,7 @@
 mod bad_input;
 mod command;
 mod faulty_line;
+mod fitting;
 mod formats;
 mod going_on;
 mod golden_tables;

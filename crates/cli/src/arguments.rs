@@ -303,6 +303,8 @@ pub enum WeightsName {
     Ngan,
     /// Inverse variance
     Sigma,
+    /// The logarithm: relative errors count alike
+    LogRelative,
     /// All alike
     None,
 }
@@ -349,6 +351,12 @@ pub struct FitArguments {
     /// Weights; by default sigma where the data carry uncertainties, else ngan
     #[arg(long, value_enum)]
     pub weights: Option<WeightsName>,
+    /// How outliers count: squares, huber, cauchy, tukey
+    #[arg(long, default_value = "squares")]
+    pub loss: String,
+    /// A clear coat over the model: none, fit (its index is fitted), or a refractive index such as 1.5
+    #[arg(long, default_value = "none", value_name = "COAT")]
+    pub coat: String,
     /// The model.json to write; of several inputs the folder that takes NAME.model.json for each
     #[arg(short, long)]
     pub output: Option<PathBuf>,

@@ -5,6 +5,7 @@
 
 pub mod arguments;
 pub mod batch_inputs;
+pub mod candidates;
 pub mod commands;
 pub mod continuing;
 pub mod control;

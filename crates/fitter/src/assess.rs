@@ -4,10 +4,12 @@ use gonio_brdf::{Brdf, ModelFile, average};
 use rayon::prelude::*;
 
 use crate::{
-    ColourErrors, Observations, Options, Weights,
+    ColourErrors, Fit, Observations, Options, Weights,
     colour_error::Pair,
+    fit::fit_by,
     observations::Source,
     rows::{Row, Rows},
+    solve,
 };
 
 /// Errors of a given function on data.
@@ -21,6 +23,25 @@ pub struct Assessment {
     pub delta_e: ColourErrors,
     /// Cells or points compared.
     pub cells: usize,
+}
+
+/// The best colours at given nonlinear parameters, in the order in which [`crate::fit`] names them (`exponent`, `r0`, `alpha` …), with all that is said of a fit.
+///
+/// Values outside the range searched are taken as they are; missing ones are the middle of their range.
+#[must_use]
+pub fn colours_at(obs: &Observations, options: &Options, values: &[(&str, f64)]) -> Fit {
+    fit_by(obs, options, options.model, &|family| {
+        let q: Vec<f64> = family
+            .parameters
+            .iter()
+            .map(|p| {
+                let (low, high) = p.walked();
+                let given = values.iter().find(|v| v.0 == p.name).map(|v| v.1);
+                given.map_or(0.5 * (low + high), |x| p.place(x))
+            })
+            .collect();
+        solve::at(obs, options, family, &q, None, true)
+    })
 }
 
 /// Errors of a model with its coat, averaged over cells and lamp as the data say.

@@ -57,6 +57,14 @@ impl Nonlinear {
         }
     }
 
+    /// Where the solver stands at a value of the parameter.
+    pub(crate) fn place(&self, value: f64) -> f64 {
+        match self.scale {
+            Scale::Log => value.max(f64::MIN_POSITIVE).ln(),
+            Scale::Linear => value,
+        }
+    }
+
     /// d parameter/d q.
     pub(crate) fn slope(&self, q: f64) -> f64 {
         match self.scale {

@@ -47,7 +47,7 @@ mod term;
 mod uncertainty;
 mod voronoi;
 
-pub use assess::{Assessment, assess, assess_brdf};
+pub use assess::{Assessment, assess, assess_brdf, colours_at};
 pub use choice::{CoatChoice, MAX_LOBES, ModelChoice};
 pub use colour_error::{ColourErrors, Spread};
 pub use fit::{Fit, Parameter, fit};

@@ -129,7 +129,7 @@ pub struct Options {
     /// Relative standard uncertainty common to all cells (reference, lamp, gain): added to the covariance of cd and cs. `None` takes the
     /// attribute `common_relative_uncertainty` of the data, 0 where there is none.
     pub common_relative_uncertainty: Option<f64>,
-    /// Exponents searched, within 1 … 1e6, and widths alpha ≥ √(2/(n + 2)) of the largest. Beyond 8.1e3, the default, lamp and cells of 2.5° hide the lobe;
+    /// Exponents searched, within 0.1 … 1e6, and widths alpha ≥ √(2/(n + 2)) of the largest. Beyond 8.1e3, the default, lamp and cells of 2.5° hide the lobe;
     /// node values of sharper functions may need more.
     pub exponent_range: (f64, f64),
 }
@@ -149,13 +149,15 @@ impl Default for Options {
     }
 }
 
+/// Smallest exponent that may be asked for: next to a constant.
+const SMALLEST_EXPONENT: f64 = 0.1;
 /// Largest exponent that may be asked for: beyond, a lobe is a mirror to any table of nodes.
 const LARGEST_EXPONENT: f64 = 1e6;
 
 impl Options {
     /// The range of the exponent, whatever the caller asks for.
     pub(crate) fn exponents(&self) -> (f64, f64) {
-        let end = |x: f64, other: f64| if x > 0.0 { x.clamp(1.0, LARGEST_EXPONENT) } else { other };
+        let end = |x: f64, other: f64| if x > 0.0 { x.clamp(SMALLEST_EXPONENT, LARGEST_EXPONENT) } else { other };
         let (low, high) = (end(self.exponent_range.0, 1.0), end(self.exponent_range.1, 8.1e3));
         if low < high { (low, high) } else { (1.0, LARGEST_EXPONENT) }
     }

@@ -41,6 +41,8 @@ pub struct SoppOptions {
     pub iterations: usize,
     /// Start value of λ.
     pub lambda: f64,
+    /// λ is doubled until it exceeds this: 1 in the thesis.
+    pub lambda_max: f64,
     /// Keep parameters within limits (cd, cs ≥ 0, 1 ≤ n ≤ 1e5, 0 ≤ R_s ≤ 1) in the simplified form too.
     pub limited: bool,
 }
@@ -54,6 +56,7 @@ impl Default for SoppOptions {
             r0: None,
             iterations: 500,
             lambda: 1e-3,
+            lambda_max: 1.0,
             limited: false,
         }
     }

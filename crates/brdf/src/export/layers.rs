@@ -83,7 +83,13 @@ impl Layers {
                     "fit lambert, or ggx with a wide lobe",
                 ));
             }
-            _ => {
+            Model::AshikhminShirleyAnisotropic(_) => {
+                return Err(refuse(
+                    "it is anisotropic and the materials written here are not",
+                    "fit lambert-ashikhmin-shirley, cook-torrance or ggx",
+                ));
+            }
+            Model::Phong(_) | Model::BlinnPhong(_) | Model::Lafortune(_) => {
                 return Err(refuse(
                     "its lobe is not made of microfacets and falls off differently with the angle of incidence",
                     "fit cook-torrance, ggx or lambert-ashikhmin-shirley to the same data and export that",

@@ -6,9 +6,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::SoppOptions;
 
-/// λ is doubled until it exceeds this …
-const LAMBDA_MAX: f64 = 1.0;
-/// … and halved until it falls below that.
+/// λ is halved until it falls below this.
 const LAMBDA_MIN: f64 = 1e-4;
 /// A residual that makes a smaller cosine than this with every derivative is at a minimum.
 const RIGHT_ANGLE: f64 = 1e-4;
@@ -76,6 +74,8 @@ pub struct Stage {
     pub condition: f64,
     /// The same with columns of length 1.
     pub condition_scaled: f64,
+    /// Smallest diagonal element of DᵀD at the end: what a Cholesky decomposition meets as a pivot.
+    pub smallest_pivot: f64,
     /// Sum of squares after each iteration, the start first.
     pub squares: Vec<f64>,
 }
@@ -196,6 +196,7 @@ pub(super) fn iterate(
         cosine: f64::NAN,
         condition: f64::NAN,
         condition_scaled: f64::NAN,
+        smallest_pivot: f64::NAN,
         squares: vec![eq.2],
     };
     for _ in 0..options.iterations {
@@ -218,7 +219,7 @@ pub(super) fn iterate(
             }
         } else {
             stage.rejected += 1;
-            if lambda > LAMBDA_MAX {
+            if lambda > options.lambda_max {
                 // neither λ nor the parameters change any more: all further iterations repeat this one
                 stage.squares.push(eq.2);
                 stage.ended = Ended::Stuck;
@@ -236,6 +237,7 @@ pub(super) fn iterate(
         stage.ended = Ended::Settled;
     }
     (stage.condition, stage.condition_scaled) = conditions(&eq.0);
+    stage.smallest_pivot = eq.0.diagonal().min();
     (p, stage)
 }
 

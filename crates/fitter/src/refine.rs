@@ -49,7 +49,7 @@ pub(crate) fn refine(
             converged = true;
             break;
         }
-        let Some(step) = damped(&at, &free, damping) else {
+        let Some(next) = step_within(&at, &q, bounds, free, damping) else {
             damping = (damping * growth).max(1e-10);
             growth *= 2.0;
             if damping > 1e12 {
@@ -57,10 +57,6 @@ pub(crate) fn refine(
             }
             continue;
         };
-        let mut next = q.clone();
-        for (s, &i) in step.iter().zip(&free) {
-            next[i] = clamp(q[i] + s, i);
-        }
         let moved: Vec<f64> = (0..n).map(|i| next[i] - q[i]).collect();
         let size = (0..n)
             .map(|i| {
@@ -99,6 +95,46 @@ pub(crate) fn refine(
         }
     }
     Refined { q, at, converged }
+}
+
+/// Where the damped step leads: up to the first bound it meets. A parameter at a bound that the step would cross stays out of it.
+fn step_within(
+    at: &Reduced,
+    q: &[f64],
+    bounds: &[(f64, f64)],
+    mut free: Vec<usize>,
+    damping: f64,
+) -> Option<Vec<f64>> {
+    loop {
+        let step = damped(at, &free, damping)?;
+        let room = |i: usize, s: f64| {
+            let b = bounds.get(i).copied().unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
+            if s > 0.0 { b.1 - q[i] } else { q[i] - b.0 }
+        };
+        let stuck = free.iter().zip(&step).position(|(&i, &s)| s != 0.0 && room(i, s) <= 0.0);
+        if let Some(k) = stuck {
+            free.remove(k);
+            if free.is_empty() {
+                return Some(q.to_vec());
+            }
+            continue;
+        }
+        let share = free
+            .iter()
+            .zip(&step)
+            .map(|(&i, &s)| if s == 0.0 { 1.0 } else { room(i, s) / s.abs() })
+            .fold(1.0, f64::min);
+        let mut next = q.to_vec();
+        for (&i, &s) in free.iter().zip(&step) {
+            let b = bounds.get(i).copied().unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
+            next[i] = (q[i] + share * s).clamp(b.0, b.1);
+            // the one that meets its bound ends on it exactly
+            if share < 1.0 && room(i, s) <= share * s.abs() * (1.0 + 1e-12) {
+                next[i] = if s > 0.0 { b.1 } else { b.0 };
+            }
+        }
+        return Some(next);
+    }
 }
 
 /// The damped step of the free parameters; `None` where the damped curvature is not positive.

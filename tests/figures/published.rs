@@ -132,7 +132,8 @@ pub fn figures() -> Vec<Figure> {
 
 fn told(compared: &[Compared]) -> Vec<Figure> {
     let count = compared.len();
-    let mut out = vec![Figure::said("materials with published parameters", count.to_string(), "86", None, count == 86)];
+    let mut out =
+        vec![Figure::said("materials with published parameters", count.to_string(), "86", None, count == 86)];
     for (k, (_, _, name)) in TABLES.iter().enumerate() {
         let published = median(compared.iter().map(|c| c.published[k]).collect());
         let colours = median(compared.iter().map(|c| c.colours[k]).collect());
@@ -146,11 +147,22 @@ fn told(compared: &[Compared]) -> Vec<Figure> {
     }
     let right = median(compared.iter().map(|c| c.published[1]).collect());
     let wrong = median(compared.iter().map(|c| c.wrong).collect());
-    out.push(Figure::within("the same with Cook–Torrance four times as bright (a control)", wrong / right, 1.0, 1e3, None));
+    out.push(Figure::within(
+        "the same with Cook–Torrance four times as bright (a control)",
+        wrong / right,
+        1.0,
+        1e3,
+        None,
+    ));
     for (k, (_, _, name)) in TABLES.iter().enumerate() {
         out.push(better(compared, name, |c| (c.published[k], c.ours[k]), k == 0));
     }
-    out.push(better(compared, "ashikhmin-shirley (another diffuse term)", |c| (c.published[0], c.full), false));
+    out.push(better(
+        compared,
+        "ashikhmin-shirley (another diffuse term)",
+        |c| (c.published[0], c.full),
+        false,
+    ));
     let lobes: Vec<[f64; 3]> = compared.iter().filter_map(|c| c.lobes).collect();
     for (more, word) in [(1, "two"), (2, "two or three")] {
         let reduction = median(lobes.iter().map(|l| 100.0 * (1.0 - l[more] / l[0])).collect());
@@ -166,7 +178,12 @@ fn told(compared: &[Compared]) -> Vec<Figure> {
 }
 
 /// Share better, median gain and the worst ratio of a model.
-fn better(compared: &[Compared], name: &str, of: impl Fn(&Compared) -> (f64, f64), none_worse: bool) -> Figure {
+fn better(
+    compared: &[Compared],
+    name: &str,
+    of: impl Fn(&Compared) -> (f64, f64),
+    none_worse: bool,
+) -> Figure {
     let ratios: Vec<(f64, &str)> = compared
         .iter()
         .map(|c| {

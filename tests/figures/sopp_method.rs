@@ -95,11 +95,12 @@ fn trials(obs: &Observations) -> Vec<Trial> {
             let best = fit(obs, &o);
             let best = his_squares(best.weighted_error, best.unweighted_error, weights, best.cells_used);
             for start in STARTS {
-                let start_values = SoppOptions { exponent: start, ..SoppOptions::default() };
+                let start_values = SoppOptions { exponent: start, mean_only: true, ..SoppOptions::default() };
                 let run = sopp(obs, &o, &start_values);
                 let free = sopp(obs, &o, &SoppOptions { lambda_max: 1e12, ..start_values });
                 let (ended, squares) = mean_stage(&run);
-                let negative = run.diffuse.iter().chain(&run.specular).any(|x| *x < 0.0) || run.exponent < 0.0;
+                let negative =
+                    run.diffuse.iter().chain(&run.specular).any(|x| *x < 0.0) || run.exponent < 0.0;
                 out.push(Trial {
                     start,
                     weights,
@@ -151,8 +152,7 @@ fn real(data: &RealData) -> Vec<(String, Observations)> {
             if let Some(m) = material {
                 path += &format!("#{m}");
             }
-            let loaded: Loaded =
-                formats::open(Path::new(&path)).unwrap_or_else(|e| panic!("{name}: {e}"));
+            let loaded: Loaded = formats::open(Path::new(&path)).unwrap_or_else(|e| panic!("{name}: {e}"));
             let brdf = loaded.as_brdf().unwrap_or_else(|| panic!("{name} is no function"));
             let short = material.unwrap_or(file).rsplit('/').next().unwrap_or(name).to_owned();
             (short, Observations::from_measured(&grey(brdf)))
@@ -174,7 +174,10 @@ pub fn figures() -> Vec<Figure> {
             None,
             clean.iter().filter(|t| failed(t)).count() * 5 <= clean.len(),
         ),
-        said("  of these cured without the upper limit of λ", share(&clean, |t| failed(t) && t.ratio_unlimited <= 1.01)),
+        said(
+            "  of these cured without the upper limit of λ",
+            share(&clean, |t| failed(t) && t.ratio_unlimited <= 1.01),
+        ),
     ];
     out.extend(conditions());
     match real_data("Sopp's method on real shapes") {
@@ -205,16 +208,24 @@ fn on_real_shapes(materials: &[(String, Observations)]) -> Vec<Figure> {
         let (b, m) = (count(&|t| failed(t) && t.start == start), count(&|t| t.start == start));
         out.push(said(format!("  started at n = {start}"), format!("{b} of {m}")));
     }
-    for (word, ended) in
-        [("stuck at the limit of λ", Ended::Stuck), ("out of iterations", Ended::Unfinished), ("equations broken", Ended::Broken)]
-    {
-        out.push(said(format!("  of the failed: {word}"), count(&|t| failed(t) && t.ended == ended).to_string()));
+    for (word, ended) in [
+        ("stuck at the limit of λ", Ended::Stuck),
+        ("out of iterations", Ended::Unfinished),
+        ("equations broken", Ended::Broken),
+    ] {
+        out.push(said(
+            format!("  of the failed: {word}"),
+            count(&|t| failed(t) && t.ended == ended).to_string(),
+        ));
     }
     out.push(said(
         "  of the failed: settled, but elsewhere than the global minimum",
         count(&|t| failed(t) && t.ended == Ended::Settled && !t.negative).to_string(),
     ));
-    out.push(said("  of the failed: a negative colour or exponent", count(&|t| failed(t) && t.negative).to_string()));
+    out.push(said(
+        "  of the failed: a negative colour or exponent",
+        count(&|t| failed(t) && t.negative).to_string(),
+    ));
     out.push(said(
         "  of the failed: cured without the upper limit of λ",
         count(&|t| failed(t) && !t.negative && t.ratio_unlimited <= 1.01).to_string(),
@@ -259,7 +270,15 @@ fn conditions() -> Vec<Figure> {
         let truth = AshikhminShirley { diffuse: [0.2; 3], specular: [0.5; 3], exponent: n, r0 };
         let obs = Observations::from_measured(&grey(&truth));
         for limit in [45.0, 75.0, 85.0] {
-            let start = SoppOptions { exponent: n, diffuse: 0.2, specular: 0.5, r0: Some(r0), iterations: 0, ..SoppOptions::default() };
+            let start = SoppOptions {
+                exponent: n,
+                diffuse: 0.2,
+                specular: 0.5,
+                r0: Some(r0),
+                iterations: 0,
+                mean_only: true,
+                ..SoppOptions::default()
+            };
             let run = sopp(&obs, &none(limit), &start);
             let of = |k: usize| run.stages.get(k).map_or(f64::NAN, |s| s.condition_scaled);
             out.push(said(
@@ -273,7 +292,14 @@ fn conditions() -> Vec<Figure> {
         let truth = AshikhminShirleySimplified { diffuse: [0.2; 3], specular: [0.1; 3], exponent: n };
         let obs = Observations::from_measured(&grey(&truth));
         for weights in WEIGHTS {
-            let start = SoppOptions { exponent: n, diffuse: 0.2, specular: 0.1, iterations: 0, ..SoppOptions::default() };
+            let start = SoppOptions {
+                exponent: n,
+                diffuse: 0.2,
+                specular: 0.1,
+                iterations: 0,
+                mean_only: true,
+                ..SoppOptions::default()
+            };
             let o = options(ModelChoice::AshikhminShirleySimplified, weights, 75.0);
             let run = sopp(&obs, &o, &start);
             let s = run.stages.first();
@@ -297,7 +323,13 @@ fn pictures() -> Option<PathBuf> {
 
 /// The error along n for a few materials, and the course of runs that fail.
 fn draw(folder: &Path, materials: &[(String, Observations)]) {
-    let chosen = ["carpaint_blue.mbsdf", "cc_ibiza_sunset_rgb.bsdf", "blue-metallic-paint", "chrome", "red-specular-plastic"];
+    let chosen = [
+        "carpaint_blue.mbsdf",
+        "cc_ibiza_sunset_rgb.bsdf",
+        "blue-metallic-paint",
+        "chrome",
+        "red-specular-plastic",
+    ];
     let o = options(ModelChoice::AshikhminShirleySimplified, Weights::None, 75.0);
     let profile = |obs: &Observations| -> Vec<(f64, f64)> {
         let best = fit(obs, &o).unweighted_error;
@@ -306,7 +338,8 @@ fn draw(folder: &Path, materials: &[(String, Observations)]) {
             .map(|n| (n, (colours_at(obs, &o, &[("exponent", n)]).unweighted_error / best).powi(2)))
             .collect()
     };
-    let picked: Vec<&(String, Observations)> = materials.iter().filter(|m| chosen.contains(&m.0.as_str())).collect();
+    let picked: Vec<&(String, Observations)> =
+        materials.iter().filter(|m| chosen.contains(&m.0.as_str())).collect();
     let chart = Chart {
         x_label: "exponent n".to_owned(),
         y_label: "sum of squares over its minimum, best colours at each n".to_owned(),
@@ -319,7 +352,7 @@ fn draw(folder: &Path, materials: &[(String, Observations)]) {
     for (name, obs) in &picked {
         let best = fit(obs, &o);
         let best = his_squares(best.weighted_error, best.unweighted_error, Weights::None, best.cells_used);
-        let run = sopp(obs, &o, &SoppOptions { exponent: 250.0, ..SoppOptions::default() });
+        let run = sopp(obs, &o, &SoppOptions { exponent: 250.0, mean_only: true, ..SoppOptions::default() });
         if let Some(stage) = run.stages.first() {
             let course = stage.squares.iter().take(200).enumerate();
             lines.push((

@@ -27,7 +27,15 @@ fn one_bad_file_does_not_stop_the_rest() {
     bench.write("scans/broken.csv", a.replacen("0,0,0,", "0,0,zero,", 1));
     bench.write("scans/model.json", PAINT);
     let ran = bench.run(&[
-        "fit", "scans", "--model", "ashikhmin-shirley-simplified", "-o", "models", "--report", "all.html", "--json",
+        "fit",
+        "scans",
+        "--model",
+        "ashikhmin-shirley-simplified",
+        "-o",
+        "models",
+        "--report",
+        "all.html",
+        "--json",
     ]);
     assert_eq!(ran.code, 3, "{}\n{}", ran.stdout, ran.stderr);
     assert!(ran.stderr.contains("1 of 3") && ran.stderr.contains("broken.csv"), "{}", ran.stderr);
@@ -57,7 +65,9 @@ fn other_methods_come_to_the_same_on_clean_data_and_say_how() {
     let bench = Bench::new();
     paint(&bench, "a.csv", PAINT);
     let model = "ashikhmin-shirley-simplified";
-    let sopp = bench.ok(&["fit", "a.csv", "--model", model, "--method", "sopp", "--weights", "none", "--json"]).json();
+    let sopp = bench
+        .ok(&["fit", "a.csv", "--model", model, "--method", "sopp", "--weights", "none", "--json"])
+        .json();
     let stages = sopp["model"]["fit"]["stages"].as_array().unwrap();
     assert!(stages.len() == 4 && stages.iter().all(|s| s["ended"] == "settled"), "{sopp}");
     assert!((sopp["model"]["exponent"].as_f64().unwrap() - 60.0).abs() < 1e-3);
@@ -96,8 +106,21 @@ fn a_fit_is_written_for_renderers_with_what_it_costs() {
     paint(&bench, "a.csv", PAINT);
     let json = bench
         .ok(&[
-            "fit", "a.csv", "--model", "ashikhmin-shirley-simplified", "-o", "m.json", "--export", "p.xml", "--export", "p.mtlx",
-            "--export", "p.gltf", "--export", "p.csv", "--json",
+            "fit",
+            "a.csv",
+            "--model",
+            "ashikhmin-shirley-simplified",
+            "-o",
+            "m.json",
+            "--export",
+            "p.xml",
+            "--export",
+            "p.mtlx",
+            "--export",
+            "p.gltf",
+            "--export",
+            "p.csv",
+            "--json",
         ])
         .json();
     let exports = json["exports"].as_array().unwrap();
@@ -107,7 +130,10 @@ fn a_fit_is_written_for_renderers_with_what_it_costs() {
         let text = String::from_utf8(bench.read(e["output"].as_str().unwrap())).unwrap();
         assert!(text.contains("CIEDE2000 against the model"), "{text}");
     }
-    assert!(exports[3]["delta_e"]["within_15_deg"]["max"].as_f64().unwrap() < 1e-3, "Sopp's own shader loses nothing");
+    assert!(
+        exports[3]["delta_e"]["within_15_deg"]["max"].as_f64().unwrap() < 1e-3,
+        "Sopp's own shader loses nothing"
+    );
     let said = bench.ok(&["convert", "m.json", "q.xml"]).stdout;
     assert!(said.contains("Mitsuba 3") && said.contains("beyond 15 degrees"), "{said}");
     // what the ending says, unless a renderer is named
@@ -116,7 +142,10 @@ fn a_fit_is_written_for_renderers_with_what_it_costs() {
     bench.ok(&["convert", "m.json", "shader.csv", "--as", "sopp"]);
     assert!(String::from_utf8(bench.read("shader.csv")).unwrap().contains("CsR"));
     // what does not map says what would
-    bench.write("phong.json", r#"{"model":"phong","diffuse":[0.1,0.1,0.1],"specular":[0.1,0.1,0.1],"exponent":20}"#);
+    bench.write(
+        "phong.json",
+        r#"{"model":"phong","diffuse":[0.1,0.1,0.1],"specular":[0.1,0.1,0.1],"exponent":20}"#,
+    );
     let ran = bench.run(&["convert", "phong.json", "x.mtlx"]);
     assert!(ran.code == 2 && ran.stderr.contains("fit cook-torrance"), "{}", ran.stderr);
     assert!(!bench.path("x.mtlx").exists());

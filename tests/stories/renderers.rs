@@ -26,10 +26,7 @@ const MODELS: [(&str, bool); 8] = [
         r#"{"model":"ggx","diffuse":[0.1,0.2,0.3],"lobes":[{"specular":[0.9,0.8,0.7],"alpha":0.2,"r0":0.05}]}"#,
         false,
     ),
-    (
-        r#"{"model":"ggx","diffuse":[0,0,0],"lobes":[{"specular":[0.9,0.8,0.7],"alpha":0.5,"r0":1}]}"#,
-        false,
-    ),
+    (r#"{"model":"ggx","diffuse":[0,0,0],"lobes":[{"specular":[0.9,0.8,0.7],"alpha":0.5,"r0":1}]}"#, false),
     (
         r#"{"model":"cook-torrance","diffuse":[0.1,0.2,0.3],"lobes":[{"specular":[0.2,0.2,0.1],"alpha":0.1,"r0":0.1},{"specular":[0.1,0.1,0.2],"alpha":0.3,"r0":0.3},{"specular":[0.1,0,0],"alpha":0.5,"r0":0.7}]}"#,
         false,
@@ -71,7 +68,8 @@ fn job(folder: &Path, pairs: &[(Vec3, Vec3)]) -> (PathBuf, Vec<(ModelFile, Expor
     }
     let rows: Vec<[f64; 6]> = pairs.iter().map(|(l, v)| [l.x, l.y, l.z, v.x, v.y, v.z]).collect();
     let job = folder.join("job.json");
-    let text = serde_json::json!({ "directions": rows, "mitsuba": mitsuba, "materialx": documents }).to_string();
+    let text =
+        serde_json::json!({ "directions": rows, "mitsuba": mitsuba, "materialx": documents }).to_string();
     std::fs::write(&job, text).unwrap();
     (job, kept, documents.len())
 }
@@ -93,7 +91,9 @@ fn mitsuba_gives_the_values_we_say_and_materialx_makes_a_shader() {
     let pairs = directions();
     let (job, kept, documents) = job(folder.path(), &pairs);
     let Some(found) = run(&job) else {
-        gonio_tests::say("Mitsuba did not run: set GONIO_PYTHON to an interpreter that has mitsuba and MaterialX");
+        gonio_tests::say(
+            "Mitsuba did not run: set GONIO_PYTHON to an interpreter that has mitsuba and MaterialX",
+        );
         return;
     };
     gonio_tests::say("Mitsuba ran");

@@ -113,8 +113,7 @@ impl Renderer {
 /// # Errors
 /// [`NotMapped`] where the material cannot follow the model's shape, with what would map.
 pub fn export(file: &ModelFile, renderer: Renderer, name: &str) -> Result<Export, NotMapped> {
-    let mut clean: String =
-        name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
+    let mut clean: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
     if !clean.starts_with(|c: char| c.is_ascii_alphabetic()) {
         clean.insert_str(0, "m_");
     }

@@ -87,7 +87,8 @@ pub fn file_names(inputs: &[String]) -> Vec<String> {
     inputs
         .iter()
         .map(|input| {
-            let (file, material) = input.rsplit_once('#').map_or((input.as_str(), None), |(f, m)| (f, Some(m)));
+            let (file, material) =
+                input.rsplit_once('#').map_or((input.as_str(), None), |(f, m)| (f, Some(m)));
             let stem = Path::new(file).file_stem().unwrap_or_default().to_string_lossy();
             let base: String = material
                 .map_or_else(|| stem.clone().into_owned(), str::to_owned)

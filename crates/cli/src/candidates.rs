@@ -69,10 +69,14 @@ pub fn section(chosen: &Chosen) -> Section {
     };
     Section {
         heading: "Choice of the model".to_owned(),
-        intro: format!("Every candidate was fitted to part of the data and judged on the rest ({}). {said}", chosen.held_out),
+        intro: format!(
+            "Every candidate was fitted to part of the data and judged on the rest ({}). {said}",
+            chosen.held_out
+        ),
         blocks: vec![
             Block::Table {
-                caption: "CIEDE2000 on held-out cells; ns: one evaluation from vectors on this machine".to_owned(),
+                caption: "CIEDE2000 on held-out cells; ns: one evaluation from vectors on this machine"
+                    .to_owned(),
                 head: HEAD.map(str::to_owned).to_vec(),
                 rows,
             },

@@ -46,10 +46,8 @@ pub fn fit_by_annealing(obs: &Observations, options: &Options, how: AnnealOption
     fit_by(obs, options, options.model, &|family| {
         let (bounds, objective) = solve::objective(obs, options, family);
         // a model without nonlinear parameters has nothing to search
-        let q = anneal(&bounds, how, &objective).map_or_else(
-            || bounds.iter().map(|b| 0.5 * (b.0 + b.1)).collect(),
-            |found| found.at,
-        );
+        let q = anneal(&bounds, how, &objective)
+            .map_or_else(|| bounds.iter().map(|b| 0.5 * (b.0 + b.1)).collect(), |found| found.at);
         solve::at(obs, options, family, &q, None, true)
     })
 }

@@ -10,9 +10,7 @@ use gonio_brdf::{Brdf, ModelFile};
 use gonio_optics::Geometry;
 
 use crate::{
-    ColourErrors, Fit, ModelChoice, Observations, Options, Status, assess,
-    colour_error::Pair,
-    fit::fit,
+    ColourErrors, Fit, ModelChoice, Observations, Options, Status, assess, colour_error::Pair, fit::fit,
 };
 
 /// Candidates in the order they are tried: fewer parameters first.
@@ -152,7 +150,8 @@ fn split(obs: &Observations, angle: impl Fn(&Geometry) -> f64) -> Option<Vec<(Ob
     }
     let part = |odd: bool| {
         let mut part = obs.clone();
-        part.data.retain(|d| angles.binary_search(&half_degrees(&d.geometry)).is_ok_and(|k| (k % 2 == 1) == odd));
+        part.data
+            .retain(|d| angles.binary_search(&half_degrees(&d.geometry)).is_ok_and(|k| (k % 2 == 1) == odd));
         part
     };
     let (even, odd) = (part(false), part(true));
@@ -160,7 +159,10 @@ fn split(obs: &Observations, angle: impl Fn(&Geometry) -> f64) -> Option<Vec<(Ob
 }
 
 /// Differences over all folds, the last status and model; `None` where a fold could not be fitted.
-fn judge(folds: &[(Observations, Observations)], options: &Options) -> Option<(ColourErrors, Status, ModelFile)> {
+fn judge(
+    folds: &[(Observations, Observations)],
+    options: &Options,
+) -> Option<(ColourErrors, Status, ModelFile)> {
     let mut pairs: Vec<Pair> = Vec::new();
     let mut last = None;
     for (seen, unseen) in folds {

@@ -45,6 +45,8 @@ pub struct SoppOptions {
     pub lambda_max: f64,
     /// Keep parameters within limits (cd, cs ≥ 0, 1 ≤ n ≤ 1e5, 0 ≤ R_s ≤ 1) in the simplified form too.
     pub limited: bool,
+    /// End after the mean of the channels: n, and cd and cs of the mean for all three.
+    pub mean_only: bool,
 }
 
 impl Default for SoppOptions {
@@ -58,6 +60,7 @@ impl Default for SoppOptions {
             lambda: 1e-3,
             lambda_max: 1.0,
             limited: false,
+            mean_only: false,
         }
     }
 }
@@ -93,7 +96,9 @@ impl SoppRun {
         let (diffuse, specular) = (inside(self.diffuse), inside(self.specular));
         let exponent = if self.exponent.is_finite() { self.exponent.clamp(0.0, 1e9) } else { 0.0 };
         match self.r0 {
-            None => Model::AshikhminShirleySimplified(AshikhminShirleySimplified { diffuse, specular, exponent }),
+            None => {
+                Model::AshikhminShirleySimplified(AshikhminShirleySimplified { diffuse, specular, exponent })
+            }
             Some(r0) => {
                 let r0 = if r0.is_finite() { r0.clamp(0.0, 1.0) } else { 0.0 };
                 Model::AshikhminShirley(AshikhminShirley { diffuse, specular, exponent, r0 })
@@ -144,6 +149,11 @@ pub fn sopp(obs: &Observations, options: &Options, sopp: &SoppOptions) -> SoppRu
         found = again;
     }
     run.exponent = found.exponent;
+    if sopp.mean_only {
+        run.diffuse = [found.diffuse; 3];
+        run.specular = [found.specular; 3];
+        return run;
+    }
     for (c, name) in ["red", "green", "blue"].into_iter().enumerate() {
         let values: Vec<f64> = chosen.iter().map(|d| d.value[c]).collect();
         let form = Form { fresnel, exponent_fixed: true, limited: sopp.limited || fresnel };

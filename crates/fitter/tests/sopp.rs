@@ -37,8 +37,7 @@ fn clean_data_of_its_own_model_give_the_parameters_back() {
 
 #[test]
 fn the_full_form_starts_from_the_simplified_one() {
-    let truth =
-        AshikhminShirley { diffuse: [0.2; 3], specular: [0.5; 3], exponent: 60.0, r0: 0.3 };
+    let truth = AshikhminShirley { diffuse: [0.2; 3], specular: [0.5; 3], exponent: 60.0, r0: 0.3 };
     let obs = Observations::from_measured(&Measured::sampled(Grid::sopp(), &truth));
     let options = Options { weights: Weights::None, ..Options::default() };
     let run = sopp(&obs, &options, &SoppOptions { r0: Some(0.1), ..SoppOptions::default() });

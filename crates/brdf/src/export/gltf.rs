@@ -15,7 +15,7 @@ use serde_json::json;
 
 use super::{
     Draft, NotMapped, Renderer,
-    layers::{Distribution, Layers, largest},
+    layers::{Distribution, Layers, Lobe, largest, nearest_ggx},
     smith,
 };
 use crate::{Brdf, ModelFile, Rgb};
@@ -47,45 +47,22 @@ pub(super) fn draft(file: &ModelFile) -> Result<Draft, NotMapped> {
         });
     }
     let mut notes = Vec::new();
-    let mut material = Material {
-        base: layers.diffuse,
-        ior: 1.5,
-        specular: 0.0,
-        specular_colour: [1.0; 3],
-        alpha: 1.0,
-        clearcoat: 0.0,
+    let material = match layers.lobes.first() {
+        None => Material::of(&layers, None),
+        Some(lobe) => {
+            let (material, note) = nearest_ggx(file, lobe, |l| Material::of(&layers, Some(l)));
+            notes.extend(note);
+            material
+        }
     };
-    if let Some(l) = layers.lobes.first() {
-        if l.distribution == Distribution::Beckmann {
-            notes.push("the lobe becomes GGX of the same height at its peak, with longer tails".to_owned());
-        }
-        let top = largest(l.colour);
-        // f0 wanted per channel, f90 wanted without colour
-        let (f0, f90) = match l.r0 {
-            Some(r0) => (l.colour.map(|c| c * r0), top.min(1.0)),
-            None => (l.colour, 1.0),
-        };
-        if largest(f0) > f90 {
-            notes.push(format!("reflectance {:.3} at normal incidence held to {f90:.3}", largest(f0)));
-        }
-        let r0 = (largest(f0) / f90).clamp(1e-6, MAX_R0);
-        material.ior = (1.0 + r0.sqrt()) / (1.0 - r0.sqrt());
-        material.specular = f90;
-        material.specular_colour = f0.map(|f| f / (f90 * r0));
-        material.alpha = l.alpha.min(1.0);
-        let left = 1.0 - largest(f0).min(f90);
-        material.base = layers.diffuse.map(|d| if left > 0.0 { d / left } else { 0.0 });
+    if largest(material.base) >= 1.0 {
+        notes.push("baseColor held to 1".to_owned());
     }
-    if largest(material.base) > 1.0 {
-        notes.push(format!("baseColor {:.3} held to 1", largest(material.base)));
-        material.base = material.base.map(|b| b.min(1.0));
-    }
-    if let Some(index) = layers.coat {
-        let wanted = r0_from_index(index) / COAT_R0;
-        if (wanted - 1.0).abs() > 1e-9 {
-            notes.push("glTF's coat has index 1.5; its weight follows the reflectance at normal incidence".to_owned());
-        }
-        material.clearcoat = wanted.min(1.0);
+    if layers.coat.is_some_and(|index| (r0_from_index(index) / COAT_R0 - 1.0).abs() > 1e-9) {
+        notes.push(
+            "glTF's coat has index 1.5; its weight follows the reflectance at normal incidence, at most 1"
+                .to_owned(),
+        );
     }
     Ok(Draft {
         rendered: Box::new(material),
@@ -95,6 +72,33 @@ pub(super) fn draft(file: &ModelFile) -> Result<Draft, NotMapped> {
 }
 
 impl Material {
+    /// The factors for a diffuser, a lobe and a coat.
+    fn of(layers: &Layers, lobe: Option<&Lobe>) -> Self {
+        let mut m = Self {
+            base: layers.diffuse.map(|d| d.min(1.0)),
+            ior: 1.5,
+            specular: 0.0,
+            specular_colour: [1.0; 3],
+            alpha: 1.0,
+            clearcoat: layers.coat.map_or(0.0, |index| (r0_from_index(index) / COAT_R0).min(1.0)),
+        };
+        if let Some(l) = lobe {
+            // f0 is wanted per channel, f90 has no colour
+            let (f0, f90) = match l.r0 {
+                Some(r0) => (l.colour.map(|c| c * r0), largest(l.colour).min(1.0)),
+                None => (l.colour, 1.0),
+            };
+            let r0 = (largest(f0) / f90).clamp(1e-6, MAX_R0);
+            m.ior = (1.0 + r0.sqrt()) / (1.0 - r0.sqrt());
+            m.specular = f90;
+            m.specular_colour = f0.map(|f| f / (f90 * r0));
+            m.alpha = l.alpha.min(1.0);
+            let left = (1.0 - largest(f0).min(f90)).max(1e-6);
+            m.base = layers.diffuse.map(|d| (d / left).min(1.0));
+        }
+        m
+    }
+
     fn text(&self, name: &str, remark: &str) -> String {
         // seven digits: what single precision can tell
         let n = |x: f64| number(x);

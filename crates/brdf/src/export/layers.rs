@@ -5,8 +5,8 @@
 
 use gonio_optics::fresnel::{dielectric, r0_from_index};
 
-use super::{NotMapped, Renderer};
-use crate::{Model, ModelFile, Rgb, models::AshikhminShirley};
+use super::{NotMapped, Renderer, loss::on_some};
+use crate::{Brdf, Model, ModelFile, Rgb, models::AshikhminShirley};
 
 /// Distribution of the normals of a lobe.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -124,6 +124,35 @@ impl Layers {
     }
 }
 
+/// The material whose GGX lobe looks most like a Beckmann lobe of the model: of several widths and brightnesses the one with the smallest colour
+/// difference. A GGX lobe is made as it is. Says what was changed.
+pub(super) fn nearest_ggx<M: Brdf>(
+    model: &ModelFile,
+    lobe: &Lobe,
+    make: impl Fn(&Lobe) -> M,
+) -> (M, Option<String>) {
+    let plain = make(lobe);
+    if lobe.distribution == Distribution::Ggx {
+        return (plain, None);
+    }
+    let mut best = (on_some(model, &plain), plain, (1.0, 1.0));
+    for width in [0.6, 0.7, 0.8, 0.9, 1.0, 1.1] {
+        for bright in [0.6, 0.75, 0.9, 1.0, 1.15, 1.3] {
+            let material =
+                make(&Lobe { colour: lobe.colour.map(|c| c * bright), alpha: lobe.alpha * width, ..*lobe });
+            let off = on_some(model, &material);
+            if off < best.0 {
+                best = (off, material, (width, bright));
+            }
+        }
+    }
+    let (width, bright) = best.2;
+    let note = format!(
+        "the lobe becomes GGX, which has longer tails: {width} of its width and {bright} of its brightness look most alike"
+    );
+    (best.1, Some(note))
+}
+
 /// The largest channel.
 pub(super) fn largest(c: Rgb) -> f64 {
     c.into_iter().fold(0.0, f64::max)
@@ -149,7 +178,8 @@ fn diffuse_albedo(r0: f64) -> f64 {
     };
     // the term is a product of a factor of μi and one of μo
     let straight = AshikhminShirley::diffuse_term(r0, direction(1.0), direction(1.0));
-    let side =
-        cosine_mean(|mu| AshikhminShirley::diffuse_term(r0, direction(mu), direction(1.0)) / straight.max(1e-300));
+    let side = cosine_mean(|mu| {
+        AshikhminShirley::diffuse_term(r0, direction(mu), direction(1.0)) / straight.max(1e-300)
+    });
     std::f64::consts::PI * straight * side * side
 }

@@ -15,7 +15,7 @@ use gonio_optics::{Vec3, fresnel::dielectric};
 
 use super::{
     Draft, NotMapped, Renderer,
-    layers::{Distribution, Layers, largest},
+    layers::{Distribution, Layers, Lobe, largest, nearest_ggx},
     number, numbers,
     smith::{self, Albedo},
 };
@@ -31,6 +31,8 @@ struct Surface {
 struct Specular {
     tint: Rgb,
     index: f64,
+    /// Whether the index had to be held.
+    held: bool,
     alpha: f64,
     albedo: Albedo,
     /// Albedo for F = 1.
@@ -48,35 +50,20 @@ pub(super) fn draft(file: &ModelFile) -> Result<Draft, NotMapped> {
         });
     }
     let mut notes = Vec::new();
-    let lobe = layers.lobes.first().map(|l| {
-        if l.distribution == Distribution::Beckmann {
-            notes.push("the lobe becomes GGX of the same height at its peak, with longer tails".to_owned());
+    let surface = match layers.lobes.first() {
+        None => Surface::of(&layers, None),
+        Some(lobe) => {
+            let (surface, note) = nearest_ggx(file, lobe, |l| Surface::of(&layers, Some(l)));
+            notes.extend(note);
+            surface
         }
-        let top = largest(l.colour);
-        // as dim at grazing angles as it must be: tints end at 1
-        let (tint, r0) = match l.r0 {
-            Some(r0) => (l.colour.map(|c| c / top.max(1.0)), r0 * top.max(1.0)),
-            None => (l.colour.map(|c| c / top), top),
-        };
-        if r0 > MAX_R0 {
-            notes.push(format!("reflectance {r0:.3} at normal incidence held to {MAX_R0}"));
-        }
-        let r0 = r0.min(MAX_R0);
-        let alpha = l.alpha.min(1.0);
-        Specular {
-            tint,
-            index: (1.0 + r0.sqrt()) / (1.0 - r0.sqrt()),
-            alpha,
-            albedo: Albedo::new(alpha, r0),
-            single: Albedo::new(alpha, 1.0),
-        }
-    });
-    let left = lobe.as_ref().map_or(1.0, |s| s.throughput(std::f64::consts::FRAC_1_SQRT_2));
-    let base = layers.diffuse.map(|d| d / left);
-    if largest(base) > 1.0 {
-        notes.push(format!("base_color {:.3} held to 1", largest(base)));
+    };
+    if let Some(s) = surface.lobe.as_ref().filter(|s| s.held) {
+        notes.push(format!("reflectance at normal incidence held to {MAX_R0} (index {:.1})", s.index));
     }
-    let surface = Surface { base: base.map(|b| b.min(1.0)), lobe, coat: layers.coat };
+    if largest(surface.base) >= 1.0 {
+        notes.push("base_color held to 1".to_owned());
+    }
     let inputs = surface.inputs();
     Ok(Draft {
         rendered: Box::new(surface),
@@ -97,9 +84,35 @@ pub(super) fn draft(file: &ModelFile) -> Result<Draft, NotMapped> {
 const MAX_R0: f64 = 0.9;
 
 impl Surface {
+    /// The inputs for a diffuser, a lobe and a coat.
+    fn of(layers: &Layers, lobe: Option<&Lobe>) -> Self {
+        let lobe = lobe.map(|l| {
+            let top = largest(l.colour);
+            // tints end at 1: brighter lobes reflect more at normal incidence and no more at grazing angles
+            let (tint, r0) = match l.r0 {
+                Some(r0) => (l.colour.map(|c| c / top.max(1.0)), r0 * top.max(1.0)),
+                None => (l.colour.map(|c| c / top), top),
+            };
+            let (held, r0) = (r0 > MAX_R0, r0.min(MAX_R0));
+            let alpha = l.alpha.min(1.0);
+            Specular {
+                tint,
+                index: (1.0 + r0.sqrt()) / (1.0 - r0.sqrt()),
+                held,
+                alpha,
+                albedo: Albedo::new(alpha, r0),
+                single: Albedo::new(alpha, 1.0),
+            }
+        });
+        let left = lobe.as_ref().map_or(1.0, |s| s.throughput(std::f64::consts::FRAC_1_SQRT_2));
+        let base = layers.diffuse.map(|d| (d / left.max(1e-6)).min(1.0));
+        Self { base, lobe, coat: layers.coat }
+    }
+
     fn inputs(&self) -> String {
-        let float =
-            |key: &str, x: f64| format!("    <input name=\"{key}\" type=\"float\" value=\"{}\" />\n", number(x));
+        let float = |key: &str, x: f64| {
+            format!("    <input name=\"{key}\" type=\"float\" value=\"{}\" />\n", number(x))
+        };
         let colour = |key: &str, c: Rgb| {
             format!("    <input name=\"{key}\" type=\"color3\" value=\"{}\" />\n", numbers(c))
         };

@@ -21,7 +21,12 @@ use crate::{Brdf, ModelFile, Rgb};
 #[derive(Clone, Copy)]
 enum Part {
     Diffuse(Rgb),
-    Conductor { colour: Rgb, metal: Option<(f64, f64)>, alpha: f64, distribution: Distribution },
+    Conductor {
+        colour: Rgb,
+        metal: Option<(f64, f64)>,
+        alpha: f64,
+        distribution: Distribution,
+    },
     /// `plastic` without its gloss: reflectance of the file, index.
     Coated(Rgb, f64),
 }
@@ -44,7 +49,10 @@ pub(super) fn draft(file: &ModelFile) -> Result<Draft, NotMapped> {
             // plastic divides by 1 − the reflectance met from inside; our coat has no inter-reflection
             let reflectance = layers.diffuse.map(|d| d * (1.0 - inner_reflectance(index)));
             if largest(reflectance) > 1.0 {
-                return Err(refuse(format!("its diffuse is above 1: {}", largest(layers.diffuse)), "lower it"));
+                return Err(refuse(
+                    format!("its diffuse is above 1: {}", largest(layers.diffuse)),
+                    "lower it",
+                ));
             }
             Blend(vec![(1.0, Part::Coated(reflectance, index))])
         }
@@ -56,7 +64,8 @@ pub(super) fn draft(file: &ModelFile) -> Result<Draft, NotMapped> {
         }
         None => {
             let lobes = within_one(&layers, &mut notes).ok_or_else(|| {
-                let total = largest(layers.diffuse) + layers.lobes.iter().map(|l| largest(l.colour)).sum::<f64>();
+                let total =
+                    largest(layers.diffuse) + layers.lobes.iter().map(|l| largest(l.colour)).sum::<f64>();
                 refuse(
                     format!("its colours add up to {total:.3} and reflectances in Mitsuba end at 1"),
                     "fit a model with a Fresnel term (cook-torrance, ggx), or lower specular",
@@ -72,10 +81,7 @@ pub(super) fn draft(file: &ModelFile) -> Result<Draft, NotMapped> {
         write: Box::new(move |name, remark| {
             // a comment must not hold two hyphens
             let remark = remark.replace("--", "- -");
-            format!(
-                "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<!-- {remark} -->\n{}",
-                blend.xml(name)
-            )
+            format!("<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<!-- {remark} -->\n{}", blend.xml(name))
         }),
     })
 }
@@ -120,7 +126,8 @@ impl Blend {
         }
         for l in lobes {
             let metal = l.r0.filter(|r| *r < 0.9999).map(metal_like_schlick);
-            let part = Part::Conductor { colour: l.colour, metal, alpha: l.alpha, distribution: l.distribution };
+            let part =
+                Part::Conductor { colour: l.colour, metal, alpha: l.alpha, distribution: l.distribution };
             parts.push((largest(l.colour), part));
         }
         let total: f64 = parts.iter().map(|p| p.0).sum();
@@ -185,7 +192,10 @@ impl Part {
                     Some((eta, k)) => float("eta", eta) + &float("k", k),
                     None => format!("{pad}    <string name=\"material\" value=\"none\"/>\n"),
                 };
-                ("roughconductor", text + &float("alpha", alpha) + &fresnel + &rgb("specular_reflectance", colour))
+                (
+                    "roughconductor",
+                    text + &float("alpha", alpha) + &fresnel + &rgb("specular_reflectance", colour),
+                )
             }
         };
         format!("{pad}<bsdf type=\"{kind}\"{head}>\n{inside}{pad}</bsdf>\n")
@@ -205,7 +215,8 @@ impl Part {
                     return [0.0; 3];
                 }
                 let d = smith::density(distribution, alpha, c);
-                let g = smith::one_way(distribution, alpha, light.z) * smith::one_way(distribution, alpha, view.z);
+                let g = smith::one_way(distribution, alpha, light.z)
+                    * smith::one_way(distribution, alpha, view.z);
                 let f = metal.map_or(1.0, |(eta, k)| conductor(hv, eta, k));
                 // Mitsuba drops densities that single precision cannot weigh
                 let value = if d * c > 1e-20 { f * d * g / (4.0 * light.z * view.z) } else { 0.0 };

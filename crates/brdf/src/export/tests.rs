@@ -9,7 +9,8 @@ fn model(text: &str) -> ModelFile {
 }
 
 const SIMPLIFIED: &str = r#"{"model":"ashikhmin-shirley-simplified","diffuse":[0.1,0.2,0.3],"specular":[0.05,0.04,0.02],"exponent":120}"#;
-const GGX: &str = r#"{"model":"ggx","diffuse":[0.1,0.2,0.3],"lobes":[{"specular":[0.9,0.8,0.7],"alpha":0.2,"r0":0.05}]}"#;
+const GGX: &str =
+    r#"{"model":"ggx","diffuse":[0.1,0.2,0.3],"lobes":[{"specular":[0.9,0.8,0.7],"alpha":0.2,"r0":0.05}]}"#;
 const THREE: &str = r#"{"model":"cook-torrance","diffuse":[0.1,0.2,0.3],"lobes":[{"specular":[0.2,0.2,0.1],"alpha":0.1,"r0":0.1},{"specular":[0.1,0.1,0.2],"alpha":0.3,"r0":0.3},{"specular":[0.1,0,0],"alpha":0.5,"r0":1}]}"#;
 const COATED: &str = r#"{"model":"lambert","diffuse":[0.4,0.3,0.2],"coat":{"index":1.5}}"#;
 

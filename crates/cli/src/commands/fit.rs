@@ -194,8 +194,7 @@ impl Fitted {
         if let Some(d) = fit.delta_e.within_15_deg {
             text += &format!("  ΔE within 15°: mean {:.2}, 95 % {:.2}, max {:.2}\n", d.mean, d.p95, d.max);
         }
-        text +=
-            &format!("  {} cells, weights {}; {}\n", fit.cells_used, fit.weights.name(), fit.sentence());
+        text += &format!("  {} cells, weights {}; {}\n", fit.cells_used, fit.weights.name(), fit.sentence());
         if let Some(r) = &self.run {
             for s in &r.stages {
                 text += &format!(
@@ -226,7 +225,10 @@ fn single(a: &FitArguments, input: &str, printer: Printer) -> Result<Outcome, Fa
         output::check_free(path, a.force)?;
         output::check_apart(path, &[Path::new(input)])?;
         if outputs.iter().skip(i + 1).any(|other| other == path) {
-            return Err(Failure::usage(format!("{}: two outputs name the same file; give each its own", path.display())));
+            return Err(Failure::usage(format!(
+                "{}: two outputs name the same file; give each its own",
+                path.display()
+            )));
         }
     }
     let materials = a
@@ -249,7 +251,11 @@ fn single(a: &FitArguments, input: &str, printer: Printer) -> Result<Outcome, Fa
         let title = Path::new(input).file_name().unwrap_or_default().to_string_lossy().into_owned();
         let sections = fitted.chosen.iter().map(candidates::section).collect();
         let background = Background { title, sections, ..Background::default() };
-        report::save(&report::build(fitted.subject.table.as_ref(), Some(&fitted.fit), background), path, None)?;
+        report::save(
+            &report::build(fitted.subject.table.as_ref(), Some(&fitted.fit), background),
+            path,
+            None,
+        )?;
     }
     let mut text = fitted.lines();
     let mut exported = Vec::new();

@@ -35,7 +35,9 @@ struct Done {
 /// [`Failure::Usage`] before anything is fitted where outputs stand in the way; [`Failure::Failed`] where nothing could be fitted.
 pub fn run(a: &FitArguments, inputs: &Inputs, printer: Printer) -> Result<Outcome, Failure> {
     if !a.export.is_empty() {
-        return Err(Failure::usage("--export takes one input; write models with -o and convert them one by one"));
+        return Err(Failure::usage(
+            "--export takes one input; write models with -o and convert them one by one",
+        ));
     }
     let names = file_names(&inputs.wanted);
     let outputs = outputs(a, &names)?;
@@ -52,14 +54,14 @@ pub fn run(a: &FitArguments, inputs: &Inputs, printer: Printer) -> Result<Outcom
         report::save(&build(&entries, inputs), path, None)?;
     }
     printer.result(&text(&entries, inputs), &to_json(a, &entries, inputs));
-    let why: Vec<String> = failed
-        .iter()
-        .filter_map(|e| e.result.as_ref().err().map(|w| format!("{}: {w}", e.input)))
-        .collect();
+    let why: Vec<String> =
+        failed.iter().filter_map(|e| e.result.as_ref().err().map(|w| format!("{}: {w}", e.input))).collect();
     match (failed.len(), entries.len()) {
         (0, _) => Ok(Outcome::Done),
         (f, all) if f == all => Err(Failure::Failed(format!("nothing could be fitted; {}", why.join("; ")))),
-        (f, all) => Ok(Outcome::WithLoss(format!("{f} of {all} inputs could not be fitted: {}", why.join("; ")))),
+        (f, all) => {
+            Ok(Outcome::WithLoss(format!("{f} of {all} inputs could not be fitted: {}", why.join("; "))))
+        }
     }
 }
 
@@ -109,7 +111,8 @@ fn lobe(fitted: &Fitted, name: &str, k: usize) -> Option<Figure> {
 }
 
 fn build(entries: &[Entry], inputs: &Inputs) -> Report {
-    let done: Vec<(&Entry, &Done)> = entries.iter().filter_map(|e| Some((e, e.result.as_ref().ok()?))).collect();
+    let done: Vec<(&Entry, &Done)> =
+        entries.iter().filter_map(|e| Some((e, e.result.as_ref().ok()?))).collect();
     let mut notices: Vec<Notice> = entries
         .iter()
         .filter_map(|e| Some((e, e.result.as_ref().err()?)))
@@ -138,8 +141,8 @@ fn build(entries: &[Entry], inputs: &Inputs) -> Report {
             ]
         })
         .collect();
-    let head =
-        ["Measurement", "model", "status", "mean ΔE", "95 %", "max", "weighted error", "cells"].map(str::to_owned);
+    let head = ["Measurement", "model", "status", "mean ΔE", "95 %", "max", "weighted error", "cells"]
+        .map(str::to_owned);
     let mut blocks = vec![Block::Table {
         caption: "ΔE is CIEDE2000 beyond 15° of the mirror direction".to_owned(),
         head: head.to_vec(),
@@ -166,7 +169,8 @@ fn build(entries: &[Entry], inputs: &Inputs) -> Report {
     }
     Report {
         title: "Fits of several measurements".to_owned(),
-        subtitle: "Bidirectional reflectance, f in 1/sr without the cosine; φ = 180° is the mirror side".to_owned(),
+        subtitle: "Bidirectional reflectance, f in 1/sr without the cosine; φ = 180° is the mirror side"
+            .to_owned(),
         key_figures,
         notices,
         sections: vec![Section { heading: "Fits".to_owned(), intro: String::new(), blocks }],

@@ -147,12 +147,7 @@ fn squares(nodes: &[Node], values: &[f64], p: Point, fresnel: bool) -> f64 {
 }
 
 /// DᵀD, Dᵀr and rᵀr.
-fn equations(
-    nodes: &[Node],
-    values: &[f64],
-    p: Point,
-    form: Form,
-) -> (DMatrix<f64>, DVector<f64>, f64) {
+fn equations(nodes: &[Node], values: &[f64], p: Point, form: Form) -> (DMatrix<f64>, DVector<f64>, f64) {
     let m = form.count();
     let (mut matrix, mut right, mut sum) = (DMatrix::zeros(m, m), DVector::zeros(m), 0.0);
     for (n, y) in nodes.iter().zip(values) {
@@ -276,13 +271,7 @@ mod tests {
 
     #[test]
     fn derivatives_are_those_of_the_model() {
-        let node = Node {
-            ln_nh: 0.97f64.ln(),
-            shape: 0.06,
-            grazing: 0.01,
-            diffuse_full: 0.28,
-            weight: 1.0,
-        };
+        let node = Node { ln_nh: 0.97f64.ln(), shape: 0.06, grazing: 0.01, diffuse_full: 0.28, weight: 1.0 };
         for fresnel in [false, true] {
             let p = Point { exponent: 40.0, diffuse: 0.3, specular: 0.2, r0: 0.1 };
             let (_, d) = model(&node, p, fresnel);

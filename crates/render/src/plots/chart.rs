@@ -50,10 +50,7 @@ impl Chart {
         let scales = [self.scale(0), self.scale(1)];
         self.frame(&mut canvas, area, scales);
         let place = |p: (f64, f64)| -> At {
-            (
-                area.x + scales[0].fraction(p.0) * area.w,
-                area.bottom() - scales[1].fraction(p.1) * area.h,
-            )
+            (area.x + scales[0].fraction(p.0) * area.w, area.bottom() - scales[1].fraction(p.1) * area.h)
         };
         if let Some((word, y)) = &self.bound
             && self.drawable((scales_middle(scales[0]), *y))
@@ -82,7 +79,8 @@ impl Chart {
                 canvas.ring(at, 3.0, 1.2, INK);
             }
             let right = at.0 < area.x + 0.7 * area.w;
-            let style = Text::new(9.0, INK).at(if right { Anchor::Start } else { Anchor::End }, Anchor::Middle);
+            let style =
+                Text::new(9.0, INK).at(if right { Anchor::Start } else { Anchor::End }, Anchor::Middle);
             canvas.text((at.0 + if right { 7.0 } else { -7.0 }, at.1 - 1.0), &p.name, &style);
         }
         legend::draw(&mut canvas, (area.x, area.bottom() + 52.0), area.w, &keys);
@@ -90,7 +88,10 @@ impl Chart {
     }
 
     fn drawable(&self, (x, y): (f64, f64)) -> bool {
-        x.is_finite() && y.is_finite() && (!self.logarithmic[0] || x > 0.0) && (!self.logarithmic[1] || y > 0.0)
+        x.is_finite()
+            && y.is_finite()
+            && (!self.logarithmic[0] || x > 0.0)
+            && (!self.logarithmic[1] || y > 0.0)
     }
 
     fn scale(&self, axis: usize) -> Scale {
@@ -135,7 +136,11 @@ impl Chart {
             &self.x_label,
             &name.at(Anchor::Middle, Anchor::Start),
         );
-        canvas.text((16.0, area.centre().1), &self.y_label, &name.upwards().at(Anchor::Middle, Anchor::Middle));
+        canvas.text(
+            (16.0, area.centre().1),
+            &self.y_label,
+            &name.upwards().at(Anchor::Middle, Anchor::Middle),
+        );
     }
 }
 

@@ -10,7 +10,10 @@ mod materials;
 mod models;
 mod multi_angle;
 mod paints;
+mod published;
+mod published_tables;
 mod scans;
+mod sopp_method;
 
 use std::process::ExitCode;
 
@@ -69,6 +72,8 @@ type Group = (&'static str, fn() -> Vec<Figure>);
 const GROUPS: &[Group] = &[
     ("models", models::figures),
     ("materials", materials::figures),
+    ("published", published::figures),
+    ("sopp-method", sopp_method::figures),
     ("demo", demo::figures),
     ("paints", paints::demo_paint),
     ("cells", paints::cells),

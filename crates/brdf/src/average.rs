@@ -117,6 +117,12 @@ pub fn adaptive_cell_mean(brdf: &dyn Brdf, grid: &Grid, meaning: Meaning, cell: 
     sum
 }
 
+/// The quadrature of [`adaptive_cell_mean`] itself: calls `visit(weight, light, view)` at every node that a lobe of this sharpness needs in
+/// the cell; the weights sum to 1. For whoever evaluates many functions in one cell.
+pub fn cell_nodes(cell: &CellBounds, sharpness: f64, visit: &mut impl FnMut(f64, Vec3, Vec3)) {
+    Plan::everywhere(sharpness).samples(cell, visit);
+}
+
 /// What a measured cell holds of a model file: the mean of the model through its coat, plus the mean of the coat's gloss
 /// ([`gloss_cell_mean`]; nothing for a node table, where a delta has no value).
 #[must_use]

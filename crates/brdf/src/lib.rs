@@ -7,6 +7,7 @@
 //! `f` is the BRDF in 1/sr without the cosine, linear Rec. 709 RGB.
 
 pub mod average;
+pub mod export;
 pub mod formats;
 pub mod grid;
 pub mod maps;

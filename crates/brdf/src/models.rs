@@ -3,6 +3,7 @@
 //! All are reciprocal, finite and not negative on θ ∈ [0°, 90°]; cosines in denominators are floored at 1e-6.
 
 mod ashikhmin_shirley;
+mod ashikhmin_shirley_anisotropic;
 mod ashikhmin_shirley_simplified;
 mod blinn_phong;
 mod check;
@@ -23,6 +24,7 @@ mod ward;
 mod ward_duer;
 
 pub use ashikhmin_shirley::AshikhminShirley;
+pub use ashikhmin_shirley_anisotropic::AshikhminShirleyAnisotropic;
 pub use ashikhmin_shirley_simplified::AshikhminShirleySimplified;
 pub use blinn_phong::BlinnPhong;
 pub use coat::Coat;

@@ -63,7 +63,7 @@ pub enum Command {
     Sim(SimArguments),
     /// Fit a model to a measured BRDF; no starting values
     #[command(
-        after_help = "Examples:\n  gonio fit S.nc -o model.json\n  gonio fit cayman.brdf --weights none --max-angle-deg 60\n  gonio fit merl_nbrdf.f32#blue-metallic-paint\n  gonio fit S.nc --model flake-map:1 -o flakes.json"
+        after_help = "Examples:\n  gonio fit S.nc -o model.json --export paint.xml\n  gonio fit scans/ -o models --report all.html\n  gonio fit S.nc --model auto --max-delta-e 1.5\n  gonio fit cayman.brdf --weights none --max-angle-deg 60\n  gonio fit merl_nbrdf.f32#blue-metallic-paint\n  gonio fit S.nc --model flake-map:1 -o flakes.json"
     )]
     Fit(FitArguments),
     /// Evaluate a table or a model at the geometries of a CSV file
@@ -86,15 +86,18 @@ pub enum Command {
         after_help = "Example:\n  gonio isoline --index 1.5 --method clip --geometries g.csv -o out.csv"
     )]
     Isoline(IsolineArguments),
-    /// Convert between measured formats, or sample a model onto Sopp's grid
+    /// Convert between measured formats, sample a model onto Sopp's grid, or write it as a renderer's material
     #[command(
-        after_help = "Examples:\n  gonio convert S.nc S.csv\n  gonio convert carpaint_blue.mbsdf blue.nc"
+        after_help = "Examples:\n  gonio convert S.nc S.csv\n  gonio convert carpaint_blue.mbsdf blue.nc\n  gonio convert model.json paint.mtlx\n  gonio convert model.json paint.csv --as sopp\n\nA material is said to differ from the model by its CIEDE2000; see docs/fitting.md."
     )]
     Convert {
         /// What to read (any known format; FILE#NAME for a network)
         input: String,
-        /// What to write; the ending chooses: .nc or .csv
+        /// What to write; the ending chooses: .nc or .csv, .json for a model; of a model .xml (Mitsuba 3), .mtlx (MaterialX), .gltf
         output: PathBuf,
+        /// A renderer's material, whatever the ending: sopp (CSV for the Ashikhmin shader), mitsuba, materialx, gltf
+        #[arg(long = "as", value_name = "RENDERER")]
+        renderer: Option<String>,
         /// Overwrite the output
         #[arg(long)]
         force: bool,
@@ -342,18 +345,48 @@ pub enum WeightsName {
     Ngan,
     /// Inverse variance
     Sigma,
+    /// The logarithm: relative errors count alike
+    LogRelative,
     /// All alike
     None,
+}
+
+/// How a fit is made.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum MethodName {
+    /// Ours: no start values, the global minimum
+    #[default]
+    Projection,
+    /// Sopp's two-stage iteration with his rule for lambda, from --start; for comparison
+    Sopp,
+    /// Simulated annealing; for comparison
+    Anneal,
 }
 
 /// `gonio fit`.
 #[derive(Debug, Args)]
 pub struct FitArguments {
-    /// What to fit: a measured BRDF in any known format (FILE#NAME for a network)
-    pub input: String,
+    /// What to fit: measured BRDFs in any known format (FILE#NAME for a network, FILE#* for all of it), or folders of them
+    #[arg(required = true)]
+    pub inputs: Vec<String>,
     /// Model, or auto, or flake-map:K (a map for effect coatings, its own file)
     #[arg(long, default_value = "auto")]
     pub model: String,
+    /// With --model auto: the largest mean CIEDE2000 on held-out angles that will do
+    #[arg(long, default_value_t = 2.0)]
+    pub max_delta_e: f64,
+    /// How the fit is made
+    #[arg(long, value_enum, default_value = "projection")]
+    pub method: MethodName,
+    /// Start values of --method sopp: exponent, cd, cs
+    #[arg(long, value_name = "N,CD,CS", default_value = "25,0.2,0.2")]
+    pub start: String,
+    /// Iterations of each stage of --method sopp; evaluations of --method anneal
+    #[arg(long)]
+    pub iterations: Option<usize>,
+    /// Seed of --method anneal
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
     /// Refractive index of the coat, for flake-map:K; by default what the file says, else 1.5
     #[arg(long)]
     pub index: Option<f64>,
@@ -363,12 +396,21 @@ pub struct FitArguments {
     /// Weights; by default sigma where the data carry uncertainties, else ngan
     #[arg(long, value_enum)]
     pub weights: Option<WeightsName>,
-    /// The model.json to write
+    /// How outliers count: squares, huber, cauchy, tukey
+    #[arg(long, default_value = "squares")]
+    pub loss: String,
+    /// A clear coat over the model: none, fit (its index is fitted), or a refractive index such as 1.5
+    #[arg(long, default_value = "none", value_name = "COAT")]
+    pub coat: String,
+    /// The model.json to write; of several inputs the folder that takes NAME.model.json for each
     #[arg(short, long)]
     pub output: Option<PathBuf>,
-    /// A report.html to write
+    /// A report.html to write; of several inputs one for all
     #[arg(long)]
     pub report: Option<PathBuf>,
+    /// A renderer's material to write as well (one input): .xml, .mtlx, .gltf, or .csv for Sopp's shader; may be repeated
+    #[arg(long, value_name = "FILE")]
+    pub export: Vec<PathBuf>,
     /// Overwrite the outputs
     #[arg(long)]
     pub force: bool,

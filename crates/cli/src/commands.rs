@@ -7,6 +7,7 @@ pub mod doctor;
 pub mod eval;
 pub mod fit;
 pub mod flake;
+mod fit_batch;
 pub mod info;
 pub mod isoline;
 pub mod replay;
@@ -40,7 +41,9 @@ pub fn dispatch(arguments: Arguments) -> Result<Outcome, Failure> {
         Command::Colormap(a) => colormap::run(&a, printer),
         Command::Trade(a) => trade::run(&a, printer),
         Command::Isoline(a) => isoline::run(&a, printer),
-        Command::Convert { input, output, force } => convert::run(&input, &output, force, printer),
+        Command::Convert { input, output, renderer, force } => {
+            convert::run(&input, &output, renderer.as_deref(), force, printer)
+        }
         Command::Info { file } => info::run(&file, printer),
         Command::Show(a) => show::run(&a, printer),
         Command::Status => running::status(printer),

@@ -2,7 +2,7 @@
 
 use gonio_brdf::formats::Loaded;
 use gonio_brdf::{Flag, Grid, Measured};
-use gonio_fitter::{Fit, ModelChoice, Observations, Options, Status, Weights};
+use gonio_fitter::{Fit, ModelChoice, Observations, Options, Weights};
 use gonio_optics::Angle;
 
 use crate::outcome::Failure;
@@ -76,21 +76,7 @@ pub fn options(
 /// What the status means, in plain words.
 #[must_use]
 pub fn verdict(fit: &Fit) -> String {
-    match &fit.status {
-        Status::Converged => "the fit converged; the data determine every parameter".to_owned(),
-        Status::AtBound(names) => {
-            format!(
-                "the best fit lies at the bound of {}; the model has no better answer inside",
-                names.join(", ")
-            )
-        }
-        Status::IllConditioned => format!(
-            "the data do not tell all parameters apart (condition {:.1e}); see their uncertainties",
-            fit.condition
-        ),
-        Status::NoData => "no measured cell took part within the angle limit; nothing was fitted".to_owned(),
-        Status::NonFinite => "the values are too large to be squared; nothing was fitted".to_owned(),
-    }
+    fit.sentence()
 }
 
 /// Parameters as lines of text, three channels to a line.

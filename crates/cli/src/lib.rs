@@ -4,11 +4,14 @@
 //! tests) that knows both the simulator and the driver.
 
 pub mod arguments;
+pub mod batch_inputs;
+pub mod candidates;
 pub mod coat;
 pub mod commands;
 pub mod continuing;
 pub mod control;
 pub mod effect;
+pub mod exporting;
 pub mod fitting;
 pub mod outcome;
 pub mod output;

@@ -1,8 +1,8 @@
 //! Fits of reflectance models to measured BRDFs, without starting values.
 //!
-//! The Ashikhmin–Shirley models are linear in cd and cs and nonlinear in the exponent (and r0) alone. So cd and cs are solved per
-//! channel inside (variable projection, bounded at 0), and what is left is a search over the logarithm of the exponent: a coarse grid
-//! brackets the global minimum, Brent's method refines it. The model is averaged over cells and lamp exactly as the data say
+//! Every model here is linear in its colours and nonlinear in a few parameters: widths, a reflectance at normal incidence, the index of a coat. The colours
+//! are solved per channel inside, none below 0 (variable projection), every nonlinear parameter is tried over its whole range, and the best places are refined
+//! by Levenberg–Marquardt with exact derivatives. The model is averaged over cells and lamp exactly as the data say
 //! ([`gonio_brdf::average`]). Every fit ends with a [`Status`], the covariance of its parameters, a condition number, errors, colour
 //! differences and a residual for each cell. No data make it panic.
 //!
@@ -18,19 +18,39 @@
 //!
 //! Left to others: files, devices, what a cell is ([`gonio_brdf`]), pictures of the residuals.
 
-mod cache;
+pub mod anneal;
+mod assess;
+pub mod auto;
+mod choice;
 mod colour_error;
+mod direct;
+mod family;
 mod fit;
-mod linear;
+mod joint;
+mod moments;
+mod names;
+mod nodes;
+mod nonnegative;
+mod number;
 mod observations;
 mod options;
-mod problem;
+mod ray;
+mod refine;
 mod report;
-mod search;
+mod reweight;
+mod rows;
+mod solve;
+pub mod sopp;
+mod start;
+mod status;
+mod term;
 mod uncertainty;
 mod voronoi;
 
+pub use assess::{Assessment, assess, assess_brdf, colours_at};
+pub use choice::{CoatChoice, MAX_LOBES, ModelChoice};
 pub use colour_error::{ColourErrors, Spread};
-pub use fit::{Fit, Parameter, Status, fit};
+pub use fit::{Fit, Parameter, fit};
 pub use observations::Observations;
-pub use options::{ModelChoice, Options, UnknownName, Weights};
+pub use options::{Loss, Options, UnknownName, Weights};
+pub use status::{Reason, Status};

@@ -3,10 +3,10 @@
 use std::sync::Arc;
 
 use gonio_brdf::{
-    Flag, Grid, Meaning, Measured, Scattered,
-    average::{is_cap, lobe::LobeNodes},
+    Flag, Grid, Meaning, Measured, Scattered, ScatteredPoint,
+    average::is_cap,
 };
-use gonio_optics::Geometry;
+use gonio_optics::{Geometry, Vec3};
 
 use crate::voronoi;
 
@@ -17,6 +17,8 @@ pub struct Observations {
     pub(crate) source: Source,
     /// Places in the original table or list.
     pub(crate) places: usize,
+    /// Whether the azimuths of light and view are known, not their difference alone.
+    pub(crate) full_azimuths: bool,
     /// Relative standard uncertainty common to all values.
     pub(crate) common_relative_uncertainty: f64,
 }
@@ -42,8 +44,8 @@ pub(crate) struct Datum {
 pub(crate) enum Source {
     /// Cells or nodes of a grid.
     Grid(Grid, Meaning),
-    /// Values at points.
-    Points(Arc<LobeNodes>),
+    /// Values at pairs of directions (light, view).
+    Points(Arc<Vec<(Vec3, Vec3)>>),
 }
 
 impl Observations {
@@ -90,6 +92,7 @@ impl Observations {
             data,
             source: Source::Grid(m.grid.clone(), m.meaning),
             places: m.grid.len(),
+            full_azimuths: false,
             common_relative_uncertainty: common.filter(|u: &f64| u.is_finite() && *u >= 0.0).unwrap_or(0.0),
         }
     }
@@ -125,10 +128,57 @@ impl Observations {
         }
         Self {
             data,
-            source: Source::Points(Arc::new(LobeNodes::at_points(directions))),
+            source: Source::Points(Arc::new(directions)),
             places: s.points.len(),
+            full_azimuths: false,
             common_relative_uncertainty: 0.0,
         }
+    }
+
+    /// Node values at pairs of unit directions (light, view) with azimuths of their own, as an anisotropic sample needs them.
+    ///
+    /// Files hold azimuth differences alone, so this is the way in for such data. Solid angles are those of [`Observations::from_scattered`], among the
+    /// points of one angle of incidence whatever its azimuth.
+    #[must_use]
+    pub fn from_directions(points: &[(Vec3, Vec3, [f64; 3])]) -> Self {
+        let scattered = Scattered {
+            points: points
+                .iter()
+                .map(|&(l, v, value)| ScatteredPoint {
+                    geometry: Geometry::from_directions(l, v),
+                    value,
+                    sigma: None,
+                    flag: if usable_direction(l) && usable_direction(v) { Flag::Measured } else { Flag::Invalid },
+                })
+                .collect(),
+        };
+        let mut out = Self::from_scattered(&scattered);
+        let own = out.data.iter().filter_map(|d| points.get(d.place as usize).map(|p| (p.0, p.1))).collect();
+        out.source = Source::Points(Arc::new(own));
+        out.full_azimuths = true;
+        out
+    }
+
+    /// Values of a grid in double precision (a [`Measured`] keeps them in single): one per place of [`Grid::index`], all measured, σ unknown.
+    #[must_use]
+    pub fn from_grid_values(grid: &Grid, meaning: Meaning, values: &[[f64; 3]]) -> Self {
+        let mut table = Measured::empty(grid.clone(), meaning);
+        for (i, v) in values.iter().enumerate().take(table.values.len()) {
+            table.values[i] = v.map(|x| x as f32);
+            table.flag[i] = Flag::Measured;
+        }
+        let mut out = Self::from_measured(&table);
+        for d in &mut out.data {
+            if let Some(v) = values.get(d.place as usize) {
+                d.value = *v;
+            }
+        }
+        out
+    }
+
+    /// Whether a value is a mean over a bin and a lamp.
+    pub(crate) fn averages(&self) -> bool {
+        matches!(self.source, Source::Grid(_, Meaning::CellMean { .. }))
     }
 
     /// Number of valid measurements.
@@ -142,6 +192,11 @@ impl Observations {
     pub fn is_empty(&self) -> bool {
         self.data.is_empty()
     }
+}
+
+/// A direction above the horizon, of length 1.
+fn usable_direction(d: Vec3) -> bool {
+    d.z >= 0.0 && (d.norm() - 1.0).abs() < 1e-6
 }
 
 /// A σ that can weigh: finite and above 0 in every channel.

@@ -14,10 +14,10 @@ impl Fit {
     /// The model file of this fit, its report under `"fit"` ([`Fit::to_json`]).
     #[must_use]
     pub fn to_model_file(&self) -> ModelFile {
-        ModelFile { model: self.model.clone(), coat: None, fit: Some(self.to_json()) }
+        ModelFile { model: self.model.clone(), coat: self.coat, fit: Some(self.to_json()) }
     }
 
-    /// The report: `status`, `at_bound` (names), `weights`, `error`, `unweighted_error` (1/sr), `delta_e` ({all, within_15_deg, beyond_15_deg}:
+    /// The report: `status`, `at_bound` (names), `weights`, `loss`, `error`, `unweighted_error` (1/sr), `delta_e` ({all, within_15_deg, beyond_15_deg}:
     /// {mean, p95, max, cells}), `parameters` ({name: {value, sigma}}), `covariance` (rows in the order of `parameter_names`), `condition`,
     /// `cells_used`, `cells_left_out`. Numbers that do not exist are null.
     #[must_use]
@@ -37,6 +37,7 @@ impl Fit {
             "status": self.status.name(),
             "at_bound": at_bound,
             "weights": self.weights.name(),
+            "loss": self.loss.name(),
             "error": number(self.weighted_error),
             "unweighted_error": number(self.unweighted_error),
             "delta_e": serde_json::to_value(self.delta_e).unwrap_or(Value::Null),

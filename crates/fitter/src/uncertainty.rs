@@ -15,11 +15,15 @@ pub(crate) struct Equation {
     pub residual: f64,
     /// Standard uncertainty, where stated.
     pub sigma: Option<f64>,
-    /// Derivatives by the parameters that are not zero: (place, value).
-    pub derivatives: [(usize, f64); 4],
+    /// Derivatives by the parameters that are not zero: (place, value), the first `count` of them.
+    pub derivatives: [(usize, f64); MOST],
+    pub count: usize,
     /// Block of neighbours.
     pub block: u32,
 }
+
+/// Most derivatives of one value that are not zero: eight nonlinear parameters and four colours.
+pub(crate) const MOST: usize = 12;
 
 /// What is known of the parameters after a fit.
 #[derive(Clone, Debug)]
@@ -52,9 +56,10 @@ pub(crate) fn covariance(
             block = Some(e.block);
             blocks += 1;
         }
-        for &(i, a) in &e.derivatives {
+        let derivatives = &e.derivatives[..e.count.min(MOST)];
+        for &(i, a) in derivatives {
             score[i] += e.weight * e.residual * a;
-            for &(j, b) in &e.derivatives {
+            for &(j, b) in derivatives {
                 h[(i, j)] += e.weight * a * b;
                 if let Some(s) = e.sigma {
                     stated[(i, j)] += e.weight * e.weight * s * s * a * b;

@@ -29,6 +29,7 @@ fn statuses(obs: &Observations) -> Vec<Status> {
             f.model.check().unwrap();
             let text = f.to_model_file().to_json().unwrap();
             assert_eq!(gonio_brdf::ModelFile::from_json(&text).unwrap().model.name(), f.model.name());
+            assert!(f.sentence().len() > 20 && !f.status.name().is_empty());
             out.push(f.status);
         }
     }

@@ -5,6 +5,7 @@
 
 mod axis;
 pub(crate) mod cells;
+pub mod chart;
 mod colorbar;
 pub mod colour_map;
 pub mod compare;
@@ -20,6 +21,7 @@ pub mod unfolded;
 
 pub use cells::model_table;
 pub use colour_map::ColourMapPlot;
+pub use chart::{Chart, ChartPoint};
 pub use compare::{Compare, Difference, compare, compare_tables};
 pub use coverage::coverage;
 pub use flake_map::FlakeMapPlot;

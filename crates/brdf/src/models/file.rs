@@ -4,7 +4,7 @@ use gonio_optics::{Angle, Vec3};
 use serde::{Deserialize, Serialize};
 
 use super::{
-    AshikhminShirley, AshikhminShirleySimplified, BlinnPhong, Coat, CookTorrance, Ggx, Lafortune, Lambert,
+    AshikhminShirley, AshikhminShirleyAnisotropic, AshikhminShirleySimplified, BlinnPhong, Coat, CookTorrance, Ggx, Lafortune, Lambert,
     LambertAshikhminShirley, OrenNayar, Phong, Ward, WardDuer,
 };
 use crate::{Brdf, Rgb};
@@ -25,6 +25,8 @@ pub enum Model {
     LambertAshikhminShirley(LambertAshikhminShirley),
     /// `ashikhmin-shirley`.
     AshikhminShirley(AshikhminShirley),
+    /// `ashikhmin-shirley-anisotropic`.
+    AshikhminShirleyAnisotropic(AshikhminShirleyAnisotropic),
     /// `cook-torrance`.
     CookTorrance(CookTorrance),
     /// `oren-nayar`.
@@ -89,13 +91,14 @@ pub enum ModelError {
 
 impl Model {
     /// Names of all models, as files and the command line spell them.
-    pub const NAMES: [&'static str; 12] = [
+    pub const NAMES: [&'static str; 13] = [
         "lambert",
         "phong",
         "blinn-phong",
         "ashikhmin-shirley-simplified",
         "lambert-ashikhmin-shirley",
         "ashikhmin-shirley",
+        "ashikhmin-shirley-anisotropic",
         "cook-torrance",
         "oren-nayar",
         "lafortune",
@@ -114,6 +117,7 @@ impl Model {
             Self::AshikhminShirleySimplified(_) => "ashikhmin-shirley-simplified",
             Self::LambertAshikhminShirley(_) => "lambert-ashikhmin-shirley",
             Self::AshikhminShirley(_) => "ashikhmin-shirley",
+            Self::AshikhminShirleyAnisotropic(_) => "ashikhmin-shirley-anisotropic",
             Self::CookTorrance(_) => "cook-torrance",
             Self::OrenNayar(_) => "oren-nayar",
             Self::Lafortune(_) => "lafortune",
@@ -133,6 +137,7 @@ impl Model {
             Self::AshikhminShirleySimplified(m) => m,
             Self::LambertAshikhminShirley(m) => m,
             Self::AshikhminShirley(m) => m,
+            Self::AshikhminShirleyAnisotropic(m) => m,
             Self::CookTorrance(m) => m,
             Self::OrenNayar(m) => m,
             Self::Lafortune(m) => m,
@@ -154,6 +159,7 @@ impl Model {
             Self::AshikhminShirleySimplified(m) => m.check(),
             Self::LambertAshikhminShirley(m) => m.check(),
             Self::AshikhminShirley(m) => m.check(),
+            Self::AshikhminShirleyAnisotropic(m) => m.check(),
             Self::CookTorrance(m) => m.check(),
             Self::OrenNayar(m) => m.check(),
             Self::Lafortune(m) => m.check(),
@@ -241,7 +247,7 @@ impl Brdf for ModelFile {
 mod tests {
     use super::*;
 
-    const GOLDEN: [&str; 14] = [
+    const GOLDEN: [&str; 15] = [
         r#"{"model":"lambert","diffuse":[0.1,0.2,0.3]}"#,
         r#"{"model":"phong","diffuse":[0.1,0.2,0.3],"specular":[0.4,0.4,0.4],"exponent":20.0}"#,
         r#"{"model":"blinn-phong","diffuse":[0.1,0.2,0.3],"specular":[0.4,0.4,0.4],"exponent":80.0}"#,
@@ -249,6 +255,7 @@ mod tests {
         r#"{"model":"lambert-ashikhmin-shirley","diffuse":[0.1,0.2,0.3],"specular":[0.05,0.05,0.05],"exponent":120.0}"#,
         r#"{"model":"lambert-ashikhmin-shirley","diffuse":[0.1,0.2,0.3],"specular":[0.9,0.9,0.9],"exponent":120.0,"r0":0.04}"#,
         r#"{"model":"ashikhmin-shirley","diffuse":[0.1,0.2,0.3],"specular":[0.9,0.9,0.9],"exponent":120.0,"r0":0.04}"#,
+        r#"{"model":"ashikhmin-shirley-anisotropic","diffuse":[0.1,0.2,0.3],"specular":[0.9,0.9,0.9],"exponent_u":120.0,"exponent_v":12.0,"r0":0.04}"#,
         r#"{"model":"cook-torrance","diffuse":[0.1,0.2,0.3],"lobes":[{"specular":[0.2,0.2,0.2],"alpha":0.3,"r0":0.1},{"specular":[0.1,0.0,0.0],"alpha":0.05,"r0":1.0}]}"#,
         r#"{"model":"oren-nayar","diffuse":[0.1,0.2,0.3],"sigma_deg":30.0}"#,
         r#"{"model":"lafortune","diffuse":[0.1,0.2,0.3],"lobes":[{"specular":[0.4,0.4,0.4],"cxy":-1.0,"cz":0.8,"exponent":20.0}]}"#,

@@ -20,6 +20,13 @@ fn all(diffuse: f64, specular: f64, exponent: f64, alpha: f64, r0: f64) -> Vec<M
         Model::LambertAshikhminShirley(LambertAshikhminShirley { diffuse, specular, exponent, r0: Some(r0) }),
         Model::LambertAshikhminShirley(LambertAshikhminShirley { diffuse, specular, exponent, r0: None }),
         Model::AshikhminShirley(AshikhminShirley { diffuse, specular, exponent, r0 }),
+        Model::AshikhminShirleyAnisotropic(AshikhminShirleyAnisotropic {
+            diffuse,
+            specular,
+            exponent_u: exponent,
+            exponent_v: 0.3 * exponent,
+            r0,
+        }),
         Model::CookTorrance(CookTorrance { diffuse, lobes: vec![CookTorranceLobe { specular, alpha, r0 }] }),
         Model::Ggx(Ggx { diffuse, lobes: vec![GgxLobe { specular, alpha, r0 }] }),
         Model::Ward(Ward { diffuse, specular, alpha }),

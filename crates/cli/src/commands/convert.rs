@@ -1,4 +1,4 @@
-//! `gonio convert`: from any format that is read to one that is written.
+//! `gonio convert`: from any format that is read to one that is written, or from a model to a renderer's material.
 
 use std::path::Path;
 
@@ -6,16 +6,37 @@ use gonio_brdf::Grid;
 use gonio_brdf::formats::{self, Loaded, Problem, Target};
 use serde_json::json;
 
+use crate::exporting;
 use crate::outcome::{Failure, Outcome};
 use crate::output::{self, Printer};
 
-/// Reads `input` and writes it as the ending of `output` says; functions and models are sampled on Sopp's grid for tables.
+/// Reads `input` and writes it as `renderer` or the ending of `output` says; functions and models are sampled on Sopp's grid for tables.
 ///
 /// # Errors
 /// [`Failure::Usage`] for files that cannot be read, or written in the form asked for.
-pub fn run(input: &str, output: &Path, force: bool, printer: Printer) -> Result<Outcome, Failure> {
+pub fn run(
+    input: &str,
+    output: &Path,
+    renderer: Option<&str>,
+    force: bool,
+    printer: Printer,
+) -> Result<Outcome, Failure> {
     output::check_free(output, force)?;
     output::check_apart(output, &[Path::new(input)])?;
+    if let Some(renderer) = exporting::renderer(renderer, output, false)? {
+        let Loaded::Model(file) = formats::open(Path::new(input)).map_err(Failure::usage)? else {
+            return Err(Failure::usage(format!(
+                "{input} holds no model and {} takes nothing else: fit one first, gonio fit {input} -o model.json",
+                renderer.title()
+            )));
+        };
+        let (text, mut json) = exporting::write(&file, renderer, output)?;
+        if let Some(map) = json.as_object_mut() {
+            map.insert("input".to_owned(), input.into());
+        }
+        printer.result(&format!("written to {text}"), &json);
+        return Ok(Outcome::Done);
+    }
     let target = Target::from_path(output).map_err(Failure::usage)?;
     let loaded = formats::open(Path::new(input)).map_err(Failure::usage)?;
     let loaded = match (target, loaded) {

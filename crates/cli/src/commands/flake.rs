@@ -16,7 +16,7 @@ use gonio_render::plots::pareto::size_in_words;
 ///
 /// # Errors
 /// [`Failure::Usage`] for input that cannot be read or fitted.
-pub fn fit(a: &FitArguments, printer: Printer) -> Result<Outcome, Failure> {
+pub fn fit(a: &FitArguments, input: &str, printer: Printer) -> Result<Outcome, Failure> {
     let representation: Representation =
         a.model.parse().map_err(|e| Failure::usage(format!("--model: {e}")))?;
     if a.report.is_some() || a.weights.is_some() {
@@ -32,15 +32,15 @@ pub fn fit(a: &FitArguments, printer: Printer) -> Result<Outcome, Failure> {
     }
     if let Some(path) = &a.output {
         output::check_free(path, a.force)?;
-        output::check_apart(path, &[Path::new(&a.input)])?;
+        output::check_apart(path, &[Path::new(input)])?;
     }
-    let material = effect::material(&a.input)?;
+    let material = effect::material(input)?;
     let options = Options {
         largest: Angle::from_degrees(a.max_angle_deg),
         ..Options::new(effect::index(a.index, &material)?)
     };
     let (built, difference, findings) = assess(&material, representation, &options, GeometrySet::All)
-        .map_err(|e| Failure::usage(format!("{}: {e}", a.input)))?;
+        .map_err(|e| Failure::usage(format!("{input}: {e}")))?;
     effect::say(&findings);
     let map =
         built.flake_map().ok_or_else(|| Failure::usage(format!("--model {}: no flake map", a.model)))?;
@@ -69,7 +69,7 @@ pub fn fit(a: &FitArguments, printer: Printer) -> Result<Outcome, Failure> {
     printer.result(
         &text,
         &json!({
-            "input": a.input,
+            "input": input,
             "flake_map": { "index": map.index(), "harmonics": map.harmonics(), "bytes": map.bytes(), "largest_deg": a.max_angle_deg },
             "delta_e": difference, "relative_sigma": built.relative_sigma(), "findings": effect::findings_json(&findings), "output": a.output.as_deref().map(output::shown),
         }),

@@ -1,0 +1,241 @@
+//! The minimum: global search, refinement, and the rounds of reweighting that robust losses and logarithms need.
+
+use crate::{
+    Loss, Observations, Options, Weights,
+    direct::Columns,
+    family::{Coated, Family},
+    joint,
+    moments::{Layout, MAX_COLUMNS, Reduced, reduce},
+    nodes::Nodes,
+    refine::{COARSE_STEP, Refined, SMALLEST_STEP, refine},
+    reweight,
+    rows::Rows,
+    start,
+};
+
+/// The minimum and all that is said about it is computed from.
+pub(crate) struct Solved {
+    pub rows: Rows,
+    /// The nonlinear parameters as the solver walks on them.
+    pub q: Vec<f64>,
+    /// Colours: `[term][channel]`.
+    pub colours: Vec<[f64; 3]>,
+    /// What the columns are.
+    pub layout: Layout,
+    /// Columns of every row at the minimum.
+    pub columns: Vec<[f64; MAX_COLUMNS]>,
+    /// Whether the search came to rest.
+    pub converged: bool,
+    /// Whether every number is one.
+    pub finite: bool,
+}
+
+/// Rounds of reweighting at most.
+const ROUNDS: usize = 60;
+/// Steps of a refinement at most.
+const STEPS: usize = 120;
+
+/// Evaluates a family on the rows, with as many nodes as its sharpness needs.
+struct Evaluator<'a> {
+    obs: &'a Observations,
+    columns: Columns<'a>,
+    nodes: Option<Nodes>,
+}
+
+impl<'a> Evaluator<'a> {
+    fn new(obs: &'a Observations, family: &'a Family) -> Self {
+        Self { obs, columns: Columns::new(family, obs.averages()), nodes: None }
+    }
+
+    /// The nodes for a place of the walk: kept while they are enough and not far too many.
+    fn prepare(&mut self, rows: &Rows, q: &[f64]) -> &Nodes {
+        let family = self.columns.family;
+        let needed = family.sharpness(&family.values(q)).max(1.0);
+        let fits = |n: &Nodes| {
+            n.len() == rows.len() && (!self.obs.averages() || (n.sharpness >= needed && n.sharpness <= 8.0 * needed))
+        };
+        match self.nodes.take_if(|n| fits(n)) {
+            Some(kept) => self.nodes.insert(kept),
+            None => {
+                let sharpness = (1.4 * needed).log2().ceil().exp2();
+                let index = match family.coated {
+                    Coated::Known(n) => Some(n),
+                    _ => None,
+                };
+                let gloss = family.coated != Coated::No;
+                self.nodes.insert(Nodes::new(self.obs, rows, sharpness, index, gloss))
+            }
+        }
+    }
+
+    fn reduced(&mut self, rows: &Rows, q: &[f64]) -> Reduced {
+        self.prepare(rows, q);
+        match &self.nodes {
+            Some(nodes) => reduce(&self.columns.moments(rows, nodes, q), &self.columns.layout),
+            None => Reduced::default(),
+        }
+    }
+
+    fn table(&mut self, rows: &Rows, q: &[f64]) -> Vec<[f64; MAX_COLUMNS]> {
+        self.prepare(rows, q);
+        self.nodes.as_ref().map_or_else(Vec::new, |nodes| self.columns.rows(nodes, q))
+    }
+}
+
+/// Finds the minimum of a family on the data.
+pub(crate) fn solve(obs: &Observations, options: &Options, family: &Family) -> Solved {
+    let mut rows = Rows::new(obs, options);
+    let mut evaluator = Evaluator::new(obs, family);
+    let bounds: Vec<(f64, f64)> = family.parameters.iter().map(crate::family::Nonlinear::walked).collect();
+    let mut best = global(obs, &rows, family, &bounds, &mut evaluator);
+    if options.loss != Loss::Squares || options.weights == Weights::LogRelative {
+        best = rounds(&mut rows, options, &bounds, &mut evaluator, best);
+    }
+    let terms = family.parts.len();
+    let mut q = best.q;
+    let mut colours: Vec<[f64; 3]> = best.at.colours.iter().take(terms).copied().collect();
+    let mut columns = evaluator.table(&rows, &q);
+    let finite = best.at.squares.is_finite() && colours.iter().flatten().all(|x| x.is_finite());
+    if finite {
+        // what the sums lost to rounding comes back from the residuals themselves
+        for _ in 0..3 {
+            let Some((next_q, next_colours)) =
+                joint::polished(&rows, &columns, &evaluator.columns.layout, &q, &colours, &bounds)
+            else {
+                break;
+            };
+            let next = evaluator.table(&rows, &next_q);
+            let layout = &evaluator.columns.layout;
+            let before = joint::squares(&rows, &columns, layout, &colours);
+            let after = joint::squares(&rows, &next, layout, &next_colours);
+            if after.is_nan() || after > before {
+                break;
+            }
+            (q, colours, columns) = (next_q, next_colours, next);
+        }
+    }
+    let layout = evaluator.columns.layout.clone();
+    Solved { rows, layout, q, colours, columns, converged: best.converged, finite }
+}
+
+/// What is minimised, as a function of the nonlinear parameters alone, with the box they are sought in.
+pub(crate) fn objective<'a>(
+    obs: &'a Observations,
+    options: &Options,
+    family: &'a Family,
+) -> (Vec<(f64, f64)>, impl Fn(&[f64]) -> f64 + 'a) {
+    let rows = Rows::new(obs, options);
+    let evaluator = std::cell::RefCell::new(Evaluator::new(obs, family));
+    let bounds = family.parameters.iter().map(crate::family::Nonlinear::walked).collect();
+    (bounds, move |q: &[f64]| evaluator.borrow_mut().reduced(&rows, q).squares)
+}
+
+/// Everything at a given place, nothing searched: for other methods. Without `colours` the best ones there.
+pub(crate) fn at(
+    obs: &Observations,
+    options: &Options,
+    family: &Family,
+    q: &[f64],
+    colours: Option<&[[f64; 3]]>,
+    converged: bool,
+) -> Solved {
+    let rows = Rows::new(obs, options);
+    let mut evaluator = Evaluator::new(obs, family);
+    let reduced = evaluator.reduced(&rows, q);
+    let terms = family.parts.len();
+    let colours = colours.map_or_else(|| reduced.colours.iter().take(terms).copied().collect(), <[_]>::to_vec);
+    let columns = evaluator.table(&rows, q);
+    let finite = reduced.squares.is_finite() && colours.iter().flatten().all(|x: &f64| x.is_finite());
+    let layout = evaluator.columns.layout.clone();
+    Solved { rows, q: q.to_vec(), colours, layout, columns, converged, finite }
+}
+
+/// The lowest of the refined starts.
+fn global(
+    obs: &Observations,
+    rows: &Rows,
+    family: &Family,
+    bounds: &[(f64, f64)],
+    evaluator: &mut Evaluator<'_>,
+) -> Refined {
+    let lobes = family.parts.len() - 1;
+    if family.parameters.is_empty() {
+        return refine(&[], &[], 0, COARSE_STEP, |q| evaluator.reduced(rows, q));
+    }
+    let chosen = start::representative(rows);
+    let some = rows.some(&chosen);
+    let count = match (lobes, family.parameters.len()) {
+        (_, 1) => 3,
+        (0 | 1, _) => 5,
+        _ => 8,
+    };
+    let mut starts = start::starts(obs, &some, family, count);
+    let partial = chosen.len() < rows.len();
+    if partial && family.parameters.len() > 1 {
+        let mut coarse = Evaluator::new(obs, family);
+        let mut refined: Vec<Refined> = starts
+            .iter()
+            .map(|q| refine(q, bounds, 25, COARSE_STEP, |q| coarse.reduced(&some, q)))
+            .filter(|r| !r.at.squares.is_nan())
+            .collect();
+        refined.sort_by(|a, b| a.at.squares.total_cmp(&b.at.squares));
+        let mut apart: Vec<Vec<f64>> = Vec::new();
+        for r in refined {
+            let far = |o: &Vec<f64>| o.iter().zip(&r.q).any(|(a, b)| (a - b).abs() > 0.05);
+            if apart.iter().all(far) {
+                apart.push(r.q);
+            }
+        }
+        apart.truncate(3);
+        starts = apart;
+    }
+    let mut best: Option<Refined> = None;
+    for q in &starts {
+        let r = refine(q, bounds, STEPS, SMALLEST_STEP, |q| evaluator.reduced(rows, q));
+        if best.as_ref().is_none_or(|b| r.at.squares < b.at.squares) {
+            best = Some(r);
+        }
+    }
+    best.unwrap_or_else(|| {
+        let middle: Vec<f64> = bounds.iter().map(|b| 0.5 * (b.0 + b.1)).collect();
+        Refined { at: evaluator.reduced(rows, &middle), q: middle, converged: false }
+    })
+}
+
+/// Rounds of working values and weights, each a least-squares fit from where the last one ended.
+fn rounds(
+    rows: &mut Rows,
+    options: &Options,
+    bounds: &[(f64, f64)],
+    evaluator: &mut Evaluator<'_>,
+    start: Refined,
+) -> Refined {
+    let plain = rows.clone();
+    let mut best = start;
+    let mut converged = false;
+    for _ in 0..ROUNDS {
+        let columns = evaluator.table(rows, &best.q);
+        let layout = evaluator.columns.layout.clone();
+        *rows = reweight::reweighted(&plain, options, &columns, &layout, &best.at.colours);
+        let next = refine(&best.q, bounds, STEPS, SMALLEST_STEP, |q| evaluator.reduced(rows, q));
+        if !next.at.squares.is_finite() {
+            break;
+        }
+        let moved = best.q.iter().zip(&next.q).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        let largest = next.at.colours.iter().flatten().fold(0.0f64, |m, x| m.max(x.abs()));
+        let changed = best
+            .at
+            .colours
+            .iter()
+            .flatten()
+            .zip(next.at.colours.iter().flatten())
+            .map(|(a, b)| (a - b).abs())
+            .fold(0.0, f64::max);
+        best = next;
+        if moved < 1e-8 && changed <= 1e-8 * largest {
+            converged = true;
+            break;
+        }
+    }
+    Refined { converged: converged && best.converged, ..best }
+}

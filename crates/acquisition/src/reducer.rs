@@ -195,7 +195,9 @@ impl Reducer {
     /// What is measured so far: holes are invalid, nothing is filled. Cheap enough for every capture.
     #[must_use]
     pub fn snapshot(&self) -> Measured {
-        self.table(false).0
+        let mut m = self.table(false).0;
+        m.attributes = self.coat_attributes();
+        m
     }
 
     /// The table with holes filled and its attributes. More poses may follow.
@@ -243,9 +245,37 @@ impl Reducer {
         (m, budget, count)
     }
 
+    /// What a table says of its coat.
+    fn coat_attributes(&self) -> BTreeMap<String, String> {
+        let mut a = BTreeMap::new();
+        let mut put = |k: &str, v: String| a.insert(k.to_owned(), v);
+        match self.coat() {
+            Verdict::Coat(fit) => {
+                put("clear_coat", self.options.clear_coat.separated().to_owned());
+                put("coat_index", format!("{}", fit.index));
+                put("coat_index_uncertainty", format!("{:.2e}", fit.index_sigma));
+                put("coat_r0", format!("{}", fit.r0()));
+                put("coat_poses", format!("{}", fit.poses));
+                put("coat_gloss_ratio", format!("{:.5}", fit.ratio));
+                put("coat_gloss_misfit", format!("{:.2e}", fit.misfit));
+                put(
+                    "coat_note",
+                    "brdf is the total; brdf_base is two-way (divided by T(theta_i) T(theta_o)/n^2), brdf_base_single_pass divided by \
+                     1 - F(theta_i). No inter-reflection inside the coat is modelled: pi brdf_base may exceed 1"
+                        .to_owned(),
+                );
+            }
+            Verdict::None(why) => {
+                put("clear_coat", "none".to_owned());
+                put("clear_coat_why", why);
+            }
+        }
+        a
+    }
+
     fn attributes(&self, budget: &Budget, measured: usize) -> BTreeMap<String, String> {
         let o = &self.options;
-        let mut a = BTreeMap::new();
+        let mut a = self.coat_attributes();
         let mut put = |k: &str, v: String| {
             if !v.is_empty() {
                 a.insert(k.to_owned(), v);
@@ -267,27 +297,6 @@ impl Reducer {
             "phi = 0 on the light's side, 180 on the mirror side; linear RGB of the camera's channels"
                 .to_owned(),
         );
-        match self.coat() {
-            Verdict::Coat(fit) => {
-                put("clear_coat", o.clear_coat.separated().to_owned());
-                put("coat_index", format!("{}", fit.index));
-                put("coat_index_uncertainty", format!("{:.2e}", fit.index_sigma));
-                put("coat_r0", format!("{}", fit.r0()));
-                put("coat_poses", format!("{}", fit.poses));
-                put("coat_gloss_ratio", format!("{:.5}", fit.ratio));
-                put("coat_gloss_misfit", format!("{:.2e}", fit.misfit));
-                put(
-                    "coat_note",
-                    "brdf is the total; brdf_base is two-way (divided by T(theta_i) T(theta_o)/n^2), brdf_base_single_pass divided by \
-                     1 - F(theta_i). No inter-reflection inside the coat is modelled: pi brdf_base may exceed 1"
-                        .to_owned(),
-                );
-            }
-            Verdict::None(why) => {
-                put("clear_coat", "none".to_owned());
-                put("clear_coat_why", why);
-            }
-        }
         put("limit_deg", format!("{}", o.limit_deg));
         put("angle_uncertainty_deg", format!("{}", o.angle_uncertainty_deg));
         put("min_coverage", format!("{}", o.min_coverage));

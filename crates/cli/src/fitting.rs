@@ -2,7 +2,7 @@
 
 use gonio_brdf::formats::Loaded;
 use gonio_brdf::{Flag, Grid, Measured};
-use gonio_fitter::{Fit, ModelChoice, Observations, Options, Weights};
+use gonio_fitter::{CoatChoice, Fit, ModelChoice, Observations, Options, Weights};
 use gonio_optics::Angle;
 
 use crate::outcome::Failure;
@@ -15,6 +15,8 @@ pub struct Subject {
     pub table: Option<Measured>,
     /// Whether values carry standard uncertainties.
     pub has_sigma: bool,
+    /// Refractive index of the clear coat that was separated when the table was made.
+    pub coat_index: Option<f64>,
 }
 
 impl Subject {
@@ -31,6 +33,7 @@ impl Subject {
                 observations: Observations::from_scattered(points),
                 table: None,
                 has_sigma: points.points.iter().any(|p| p.sigma.is_some()),
+                coat_index: None,
             }),
             Loaded::Table(_) | Loaded::Function(_) => {
                 let table = loaded
@@ -41,6 +44,12 @@ impl Subject {
         }
     }
 
+    /// The coat that the data ask for: the one separated when the table was made.
+    #[must_use]
+    pub fn coat(&self) -> CoatChoice {
+        self.coat_index.map_or(CoatChoice::None, CoatChoice::Index)
+    }
+
     /// The observations of a table.
     #[must_use]
     pub fn of_table(table: Measured) -> Self {
@@ -49,7 +58,10 @@ impl Subject {
             .iter()
             .zip(&table.flag)
             .any(|(s, f)| *f == Flag::Measured && s.iter().any(|v| *v > 0.0));
-        Self { observations: Observations::from_measured(&table), table: Some(table), has_sigma }
+        let separated = table.attributes.get("clear_coat").is_some_and(|c| c != "none");
+        let coat_index =
+            table.attributes.get("coat_index").filter(|_| separated).and_then(|n| n.parse().ok());
+        Self { observations: Observations::from_measured(&table), table: Some(table), has_sigma, coat_index }
     }
 }
 

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use gonio_acquisition::{PoseStatistics, Reducer};
 use gonio_brdf::Measured;
 use gonio_brdf::formats::{self, Loaded, Target};
-use gonio_fitter::Fit;
+use gonio_fitter::{Fit, Options};
 use gonio_instrument::{LinkStatistics, SampleRecord};
 use gonio_render::report::{Block, Fact, Section, significant};
 use serde_json::{Value, json};
@@ -95,7 +95,7 @@ pub fn write_model(path: &Path, fit: &Fit) -> Result<(), Failure> {
 pub fn fit(table: &Measured, model: &str) -> Result<Fit, Failure> {
     let subject = Subject::of_table(table.clone());
     let options = fitting::options(model, None, 75.0, subject.has_sigma)?;
-    Ok(gonio_fitter::fit(&subject.observations, &options))
+    Ok(gonio_fitter::fit(&subject.observations, &Options { coat: subject.coat(), ..options }))
 }
 
 /// What a scan or a replay tells beside its table.

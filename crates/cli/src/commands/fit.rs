@@ -64,7 +64,7 @@ pub fn run(a: &FitArguments, printer: Printer) -> Result<Outcome, Failure> {
 
 /// Words of the command line that no input can mend.
 fn check_options(a: &FitArguments) -> Result<(), Failure> {
-    options(a, false)?;
+    options(a, false, CoatChoice::None)?;
     start(a)?;
     let named: ModelChoice = a.model.parse().map_err(Failure::usage)?;
     let sopps = matches!(
@@ -83,16 +83,18 @@ fn check_options(a: &FitArguments) -> Result<(), Failure> {
     Ok(())
 }
 
-fn options(a: &FitArguments, has_sigma: bool) -> Result<Options, Failure> {
+/// Options of a fit; `found` is the coat that the data ask for.
+fn options(a: &FitArguments, has_sigma: bool, found: CoatChoice) -> Result<Options, Failure> {
     let plain = fitting::options(&a.model, a.weights.map(Into::into), a.max_angle_deg, has_sigma)?;
     let coat = match a.coat.as_str() {
+        "auto" => found,
         "none" => CoatChoice::None,
         "fit" => CoatChoice::Fitted,
         index => match index.parse::<f64>() {
             Ok(n) if n.is_finite() && n > 1.0 => CoatChoice::Index(n),
             _ => {
                 return Err(Failure::usage(format!(
-                    "--coat {index}: expected none, fit, or a refractive index above 1"
+                    "--coat {index}: expected auto, none, fit, or a refractive index above 1"
                 )));
             }
         },
@@ -123,7 +125,7 @@ fn start(a: &FitArguments) -> Result<SoppOptions, Failure> {
 pub(super) fn fit_one(a: &FitArguments, input: &str) -> Result<Fitted, Failure> {
     let loaded = formats::open(Path::new(input)).map_err(Failure::usage)?;
     let subject = Subject::of(&loaded)?;
-    let options = options(a, subject.has_sigma)?;
+    let options = options(a, subject.has_sigma, subject.coat())?;
     let mut fitted = by_method(a, subject, &options)?;
     if !fitted.fit.status.is_fitted() {
         return Err(Failure::Failed(format!("{input}: {}", fitted.fit.sentence())));

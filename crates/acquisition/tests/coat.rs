@@ -9,11 +9,11 @@ use forward::{Noise, coarse, gloss_rates, rates, record_of};
 use gonio_acquisition::{ClearCoat, Options, PixelMap, Reducer, Verdict, WhiteBuilder, WhiteReference};
 use gonio_brdf::models::{AshikhminShirleySimplified, Coat, Lambert};
 use gonio_brdf::{Brdf, Flag, Measured, Rgb, average};
-use gonio_instrument::{Certificate, Description, Pose, SampleRecord};
+use gonio_instrument::{Certificate, Description, Pose, PoseRecord, SampleRecord};
 use gonio_optics::{Vec3, colour};
 
 const GAIN: f64 = 2.0e5;
-const TILTS: [f64; 9] = [0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 65.0, 75.0];
+const TILTS: [f64; 7] = [0.0, 15.0, 30.0, 45.0, 60.0, 65.0, 75.0];
 const EXPOSURES: [f64; 7] = [2e-5, 1.5e-4, 1e-3, 6e-3, 0.03, 0.2, 1.0];
 
 /// A paint seen through its coat, gloss left out.
@@ -36,30 +36,45 @@ fn white(map: &Arc<PixelMap>, d: &Description, options: &Options) -> WhiteRefere
     builder.finish().expect("covers")
 }
 
-fn scan(d: &Description, base: &dyn Brdf, coat: Option<Coat>, options: Options) -> Reducer {
-    let map = Arc::new(PixelMap::new(d));
-    let white = white(&map, d, &options);
-    let mut reducer = Reducer::new(map, white, SampleRecord::default(), options).expect("builds");
-    for (k, &tilt) in TILTS.iter().enumerate() {
-        let pose = Pose::from_degrees(tilt, 0.0);
-        let light = match coat {
-            Some(coat) => {
-                let gloss = gloss_rates(d, coat.index, pose, GAIN);
-                let below = rates(d, &Through(base, coat), pose, GAIN);
-                below.iter().zip(gloss).map(|(a, b)| a + b).collect()
-            }
-            None => rates(d, base, pose, GAIN),
-        };
-        let noise = &mut Some(Noise(1000 + k as u64));
-        let record = record_of(d, &light, k as u32, pose, &EXPOSURES, noise);
-        reducer.add_pose(&record).expect("adds");
+/// The poses of a sample, its base as it is or under a coat.
+fn poses(d: &Description, base: &dyn Brdf, coat: Option<Coat>, tilts: &[f64]) -> Vec<PoseRecord> {
+    tilts
+        .iter()
+        .zip(0u32..)
+        .map(|(&tilt, k)| {
+            let pose = Pose::from_degrees(tilt, 0.0);
+            let light = match coat {
+                Some(coat) => {
+                    let gloss = gloss_rates(d, coat.index, pose, GAIN);
+                    let below = rates(d, &Through(base, coat), pose, GAIN);
+                    below.iter().zip(gloss).map(|(a, b)| a + b).collect()
+                }
+                None => rates(d, base, pose, GAIN),
+            };
+            record_of(d, &light, k, pose, &EXPOSURES, &mut Some(Noise(1000 + u64::from(k))))
+        })
+        .collect()
+}
+
+fn reduce(map: &Arc<PixelMap>, white: &WhiteReference, poses: &[PoseRecord], options: Options) -> Reducer {
+    let mut reducer =
+        Reducer::new(map.clone(), white.clone(), SampleRecord::default(), options).expect("builds");
+    for pose in poses {
+        reducer.add_pose(pose).expect("adds");
     }
     reducer
 }
 
-fn options() -> Options {
+fn scan(d: &Description, base: &dyn Brdf, coat: Option<Coat>, tilts: &[f64]) -> Reducer {
+    let map = Arc::new(PixelMap::new(d));
+    let options = options(tilts);
+    let white = white(&map, d, &options);
+    reduce(&map, &white, &poses(d, base, coat, tilts), options)
+}
+
+fn options(tilts: &[f64]) -> Options {
     let mut o = Options::default();
-    o.grid.theta_i_deg = TILTS.to_vec();
+    o.grid.theta_i_deg = tilts.to_vec();
     o
 }
 
@@ -87,24 +102,8 @@ fn differences(m: &Measured, truth: &dyn Brdf, pick: impl Fn([usize; 3], Flag) -
 fn a_coat_is_found_with_its_index_and_the_base_comes_out_as_it_is() {
     let d = coarse(2);
     let coat = Coat { index: 1.5 };
-    let reducer = scan(&d, &METALLIC, Some(coat), options());
-    for g in reducer.gloss() {
-        let f = coat.reflectance(g.theta_i.cos());
-        eprintln!(
-            "{:5.1} F {:?} of {f:.5} ± {:.1e}, halo {:+.3}, offset {:+.3} {:+.3}, saturated {}, base {:?} ± {:?}",
-            g.theta_i.degrees(),
-            g.reflectance,
-            g.sigma,
-            g.halo,
-            g.offset[0].degrees(),
-            g.offset[1].degrees(),
-            g.saturated,
-            g.base,
-            g.base_sigma,
-        );
-    }
+    let reducer = scan(&d, &METALLIC, Some(coat), &TILTS);
     let Verdict::Coat(fit) = reducer.coat() else { panic!("{:?}", reducer.coat()) };
-    eprintln!("{fit:?}");
     assert!((fit.index - 1.5).abs() < 0.005, "{fit:?}");
     assert!((fit.ratio - 1.0).abs() < 0.02, "{fit:?}");
     let m = reducer.finish();
@@ -122,7 +121,6 @@ fn a_coat_is_found_with_its_index_and_the_base_comes_out_as_it_is() {
     ];
     for (name, pick, bound) in zones {
         let (mean, max, n) = differences(&m, &through, pick);
-        eprintln!("{name}: mean {mean:.3} max {max:.3} of {n}");
         assert!(n > 20 && mean <= bound, "{name}: mean {mean} max {max} of {n}");
     }
     // the base, where it was measured, against the base itself; T T/n² is finite up to grazing
@@ -141,7 +139,7 @@ fn a_coat_is_found_with_its_index_and_the_base_comes_out_as_it_is() {
     }
     assert!(worst < 0.05, "base off by {worst}");
     // what the gloss carries into a cell is there again
-    let cell = m.grid.index(3, 12, 35);
+    let cell = m.grid.index(2, 12, 35);
     let (truth, have) = (
         average::model_cell_mean(
             &gonio_brdf::ModelFile {
@@ -151,7 +149,7 @@ fn a_coat_is_found_with_its_index_and_the_base_comes_out_as_it_is() {
             },
             &m.grid,
             m.meaning,
-            [3, 12, 35],
+            [2, 12, 35],
         ),
         m.values[cell],
     );
@@ -161,25 +159,30 @@ fn a_coat_is_found_with_its_index_and_the_base_comes_out_as_it_is() {
 
 #[test]
 fn samples_without_a_coat_are_left_alone() {
-    let d = coarse(2);
+    const SOME: [f64; 4] = [10.0, 30.0, 50.0, 65.0];
+    let d = coarse(3);
+    let map = Arc::new(PixelMap::new(&d));
+    let white = white(&map, &d, &options(&SOME));
     for (exponent, specular) in [(21.0, 0.1), (120.0, 0.1), (1300.0, 0.05)] {
         let paint =
             AshikhminShirleySimplified { diffuse: [0.2, 0.1, 0.05], specular: [specular; 3], exponent };
-        let looked = scan(&d, &paint, None, options());
-        let Verdict::None(why) = looked.coat() else { panic!("{exponent}: {:?}", looked.coat()) };
-        eprintln!("{exponent}: {why}");
+        let poses = poses(&d, &paint, None, &SOME);
+        let looked = reduce(&map, &white, &poses, options(&SOME));
+        assert!(matches!(looked.coat(), Verdict::None(_)), "{exponent}: {:?}", looked.coat());
         let m = looked.finish();
-        let plain = scan(&d, &paint, None, Options { clear_coat: ClearCoat::None, ..options() }).finish();
+        let not = Options { clear_coat: ClearCoat::None, ..options(&SOME) };
+        let plain = reduce(&map, &white, &poses, not).finish();
         assert_eq!((m.values, m.sigma, m.flag), (plain.values, plain.sigma, plain.flag));
         assert!(m.base.is_none());
     }
 }
 
 #[test]
-fn black_glass_has_its_index_and_no_base() {
-    let d = coarse(2);
-    let reducer = scan(&d, &Lambert { diffuse: [0.0; 3] }, Some(Coat { index: 1.567 }), options());
+fn black_glass_has_its_index() {
+    const SOME: [f64; 5] = [10.0, 25.0, 40.0, 55.0, 65.0];
+    let reducer = scan(&coarse(3), &Lambert { diffuse: [0.0; 3] }, Some(Coat { index: 1.567 }), &SOME);
     let Verdict::Coat(fit) = reducer.coat() else { panic!("{:?}", reducer.coat()) };
-    eprintln!("{fit:?}");
-    assert!((fit.index - 1.567).abs() < 0.005 && (fit.ratio - 1.0).abs() < 0.02, "{fit:?}");
+    // pixels of 1.1° before an image of 1°: a percent of F
+    assert!((fit.index - 1.567).abs() < 3.0 * fit.index_sigma.max(2e-3), "{fit:?}");
+    assert!((fit.ratio - 1.0).abs() < 0.02, "{fit:?}");
 }

@@ -20,8 +20,8 @@ const RING_PIXELS: f64 = 5.0;
 const SEARCH_DEG: f64 = 1.0;
 /// Excess over its uncertainty from which on the gloss itself says where it is.
 const SEEN: f64 = 20.0;
-/// Share of the disc's solid angle that its pixels must cover.
-const WHOLE: f64 = 0.97;
+/// Share of the disc's solid angle that its pixels must cover: some of its rim is margin, and a disc of a few dozen pixels is ragged.
+const WHOLE: f64 = 0.85;
 
 /// The gloss of a pose.
 #[derive(Clone, Debug, PartialEq)]

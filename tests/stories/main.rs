@@ -1,6 +1,7 @@
 //! One integration binary: a module per story.
 
 mod bad_input;
+mod coat;
 mod command;
 mod effect_coatings;
 mod faulty_line;

@@ -3,8 +3,9 @@
 use std::collections::BTreeMap;
 
 use gonio_acquisition::{ClearCoat, Options, Reducer, Verdict};
-use gonio_optics::fresnel;
-use gonio_render::report::{Block, Fact, Section, plus_minus, significant};
+use gonio_optics::{Angle, fresnel};
+use gonio_render::plots::{Chart, ChartPoint};
+use gonio_render::report::{Block, Fact, Figure, Section, plus_minus, significant};
 use serde_json::{Value, json};
 
 use crate::arguments::{ClearCoatName, CoatArguments};
@@ -162,6 +163,7 @@ pub fn section(reducer: &Reducer) -> Option<Section> {
             .to_owned(),
         blocks: vec![
             Block::Facts(facts),
+            Block::Pictures(vec![picture(reducer, &verdict)]),
             Block::Table {
                 caption: "Gloss of each pose".to_owned(),
                 head: ["θi", "reflectance", "Fresnel", "place"].map(str::to_owned).to_vec(),
@@ -169,4 +171,37 @@ pub fn section(reducer: &Reducer) -> Option<Section> {
             },
         ],
     })
+}
+
+/// The gloss of all poses against Fresnel's curve.
+fn picture(reducer: &Reducer, verdict: &Verdict) -> Figure {
+    let points = reducer.gloss().iter().filter_map(|g| {
+        let at = (g.theta_i.degrees(), g.reflectance?);
+        Some(ChartPoint { name: String::new(), at, chosen: true })
+    });
+    let curve = |index: f64| -> Vec<(f64, f64)> {
+        (0..=170)
+            .map(|k| Angle::from_degrees(f64::from(k) * 0.5))
+            .map(|t| (t.degrees(), fresnel::dielectric(t.cos(), index)))
+            .collect()
+    };
+    let lines = match verdict {
+        Verdict::Coat(fit) => vec![(format!("Fresnel, n = {:.4}", fit.index), curve(fit.index))],
+        Verdict::None(_) => Vec::new(),
+    };
+    let chart = Chart {
+        title: "Gloss at the mirror direction".to_owned(),
+        x_label: "angle of incidence θi (degrees)".to_owned(),
+        y_label: "reflectance".to_owned(),
+        logarithmic: [false, true],
+        lines,
+        points: points.collect(),
+        bound: None,
+    };
+    Figure {
+        name: "gloss".to_owned(),
+        picture: chart.draw(),
+        caption: "What stands above the base at the mirror direction at each pose, and Fresnel's curve of the index found".to_owned(),
+        alt: "Reflectance over the angle of incidence: points of the poses along a curve".to_owned(),
+    }
 }

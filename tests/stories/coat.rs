@@ -16,12 +16,15 @@ fn a_paint_without_a_coat_is_left_alone_and_says_so() {
     assert_eq!(json["coat"]["separated"], false, "{json}");
     assert!(json["coat"]["why"].as_str().is_some_and(|w| !w.is_empty()), "{json}");
     // asked for by name it is refused, and nothing is written
-    let ran = bench.fails(&["replay", "S.mcap", "-o", "forced.nc", "--clear-coat", "two-way"], 1);
+    let ran = bench.run(&["replay", "S.mcap", "-o", "forced.nc", "--clear-coat", "two-way"]);
+    assert_eq!(ran.code, 1, "{}", ran.stderr);
     assert!(ran.stderr.contains("no clear coat was found") && ran.stderr.contains("--coat-index"), "{}", ran.stderr);
     assert!(!bench.path("forced.nc").exists());
-    let ran = bench.fails(&["replay", "S.mcap", "-o", "x.nc", "--clear-coat", "none", "--coat-index", "1.5"], 2);
+    let ran = bench.run(&["replay", "S.mcap", "-o", "x.nc", "--clear-coat", "none", "--coat-index", "1.5"]);
+    assert_eq!(ran.code, 2, "{}", ran.stderr);
     assert!(ran.stderr.contains("--coat-index"), "{}", ran.stderr);
-    let ran = bench.fails(&["replay", "S.mcap", "-o", "x.nc", "--coat-index", "0.7"], 2);
+    let ran = bench.run(&["replay", "S.mcap", "-o", "x.nc", "--coat-index", "0.7"]);
+    assert_eq!(ran.code, 2, "{}", ran.stderr);
     assert!(ran.stderr.contains("1.01 to 3"), "{}", ran.stderr);
 }
 

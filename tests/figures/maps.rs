@@ -230,34 +230,39 @@ fn cayman(data: &RealData) -> Vec<Figure> {
     out
 }
 
-/// Data of the size of real measurements, of the four networks with the strongest effects: the grid of cell means, the same with noise and its σ, 448
-/// geometries. A is made from the same data, its in-plane part linear between nodes.
+/// Data of the size of real measurements: of the four networks with the strongest effects the grid of cell means, and the same with noise and its σ; of all
+/// 13 GEFE's 448 geometries. A is made from the same data, its in-plane part linear between nodes.
 fn sizes(data: &RealData) -> Vec<Figure> {
-    let (mut sums, mut clips, mut dense) = ([[0.0; 3]; 3], [0.0; 3], 0.0);
-    for name in
-        ["gold-metallic-paint", "silver-metallic-paint2", "color-changing-paint2", "green-metallic-paint"]
-    {
+    const STRONGEST: [&str; 4] =
+        ["gold-metallic-paint", "silver-metallic-paint2", "color-changing-paint2", "green-metallic-paint"];
+    let (exact, noisy): (fn(&dyn Brdf) -> Measured, fn(&dyn Brdf) -> Measured) =
+        (|b| cell_means(b, false), |b| cell_means(b, true));
+    let mut out = sized(data, "Sopp's grid, cell means, 4 networks", &STRONGEST, exact);
+    out.extend(sized(data, "the same, noise 1 % + 0.0005/sr", &STRONGEST, noisy));
+    out.extend(sized(data, "GEFE's 448 geometries, 13 networks", &NETWORKS, gefe));
+    out
+}
+
+fn sized(data: &RealData, what: &str, names: &[&str], measure: fn(&dyn Brdf) -> Measured) -> Vec<Figure> {
+    let (mut k, mut clip, mut dense) = ([0.0; 3], 0.0, 0.0);
+    let share = 1.0 / names.len() as f64;
+    for name in names {
         let loaded = open(data, &network(name));
         let brdf = loaded.as_brdf().expect("a network has values");
         let region = Region::default();
         let judged = region.of_brdf(brdf, JUDGED, 1);
-        dense += 0.25
-            * mean_error(&judged, |s| colour_map::at_equivalent(brdf, s, 1.5, Method::Clip, region.largest));
-        for (i, table) in [cell_means(brdf, false), cell_means(brdf, true), gefe(brdf)].iter().enumerate() {
-            let clip = ColourMap::from_brdf(table, 1.5, Method::Clip, region.largest, 128);
-            clips[i] += 0.25 * mean_error(&judged, |s| clip.eval(s.light, s.view));
-            for k in 0..3 {
-                let map =
-                    FlakeMap::fit_table(name, table, &options(k)).unwrap_or_else(|e| panic!("{name}: {e}"));
-                sums[i][k] += 0.25 * map_error(&map, &judged);
-            }
+        let table = measure(brdf);
+        let map = ColourMap::from_brdf(&table, 1.5, Method::Clip, region.largest, 128);
+        let direct = |s: &Sample| colour_map::at_equivalent(brdf, s, 1.5, Method::Clip, region.largest);
+        dense += share * mean_error(&judged, direct);
+        clip += share * mean_error(&judged, |s| map.eval(s.light, s.view));
+        for (harmonics, sum) in k.iter_mut().enumerate() {
+            let map = FlakeMap::fit_table(name, &table, &options(harmonics));
+            *sum += share * map_error(&map.unwrap_or_else(|e| panic!("{name}: {e}")), &judged);
         }
     }
     let mut out = Vec::new();
-    let names = ["Sopp's grid, cell means", "the same, noise 1 % + 0.0005/sr", "GEFE's 448 geometries"];
-    for ((name, sum), clip) in names.into_iter().zip(sums).zip(clips) {
-        ratios(&mut out, name, clip, sum, &format!(" (4 networks; A of dense data {dense:.2})"));
-    }
+    ratios(&mut out, what, clip, k, &format!(" (A of dense data {dense:.2})"));
     out
 }
 

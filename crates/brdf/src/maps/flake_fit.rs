@@ -29,7 +29,7 @@ const WELL_COVERED: f64 = 0.5;
 const OUTSIDE: f64 = 0.1;
 /// With fewer measurements than this a map has at most `SPARSE_NODES`: more would be filled by smoothness alone, and worse.
 const SPARSE: usize = 1000;
-const SPARSE_NODES: [usize; 2] = [16, 24];
+const SPARSE_NODES: [usize; 2] = [16, 32];
 /// How much better than with a coat measurements must be predicted without one before the map says so.
 const NOT_SEEN: f64 = 1.25;
 

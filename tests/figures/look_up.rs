@@ -4,7 +4,7 @@ use gonio_brdf::maps::speed::{self, Candidate};
 
 use crate::Figure;
 
-/// Ratios of medians.
+/// Ratios of lower quartiles over alternating rounds.
 pub fn figures() -> Vec<Figure> {
     let report = speed::measure(301, 4000);
     let k0 = Candidate::FlakeMapMany(0);

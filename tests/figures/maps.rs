@@ -230,40 +230,39 @@ fn cayman(data: &RealData) -> Vec<Figure> {
     out
 }
 
-/// Data of the size of real measurements, of the four networks with the strongest effects: the grid of cell means, 448 geometries, a noisy scan.
+/// Data of the size of real measurements: of the four networks with the strongest effects the grid of cell means, and the same with noise and its σ; of all
+/// 13 GEFE's 448 geometries. A is made from the same data, its in-plane part linear between nodes.
 fn sizes(data: &RealData) -> Vec<Figure> {
-    let mut sums = [[0.0; 3]; 3];
-    let mut clip = 0.0;
-    for name in
-        ["gold-metallic-paint", "silver-metallic-paint2", "color-changing-paint2", "green-metallic-paint"]
-    {
+    const STRONGEST: [&str; 4] =
+        ["gold-metallic-paint", "silver-metallic-paint2", "color-changing-paint2", "green-metallic-paint"];
+    let (exact, noisy): (fn(&dyn Brdf) -> Measured, fn(&dyn Brdf) -> Measured) =
+        (|b| cell_means(b, false), |b| cell_means(b, true));
+    let mut out = sized(data, "Sopp's grid, cell means, 4 networks", &STRONGEST, exact);
+    out.extend(sized(data, "the same, noise 1 % + 0.0005/sr", &STRONGEST, noisy));
+    out.extend(sized(data, "GEFE's 448 geometries, 13 networks", &NETWORKS, gefe));
+    out
+}
+
+fn sized(data: &RealData, what: &str, names: &[&str], measure: fn(&dyn Brdf) -> Measured) -> Vec<Figure> {
+    let (mut k, mut clip, mut dense) = ([0.0; 3], 0.0, 0.0);
+    let share = 1.0 / names.len() as f64;
+    for name in names {
         let loaded = open(data, &network(name));
         let brdf = loaded.as_brdf().expect("a network has values");
         let region = Region::default();
         let judged = region.of_brdf(brdf, JUDGED, 1);
-        clip +=
-            mean_error(&judged, |s| colour_map::at_equivalent(brdf, s, 1.5, Method::Clip, region.largest));
-        let (exact, noisy) = (cell_means(brdf, false), cell_means(brdf, true));
-        let gefe = gefe(brdf);
-        for k in 0..3 {
-            let fit = |table: &Measured| {
-                FlakeMap::fit_table(name, table, &options(k)).unwrap_or_else(|e| panic!("{name}: {e}"))
-            };
-            sums[0][k] += map_error(&fit(&exact), &judged);
-            sums[1][k] += map_error(&fit(&noisy), &judged);
-            let map = FlakeMap::fit(name, &gefe, &options(k)).unwrap_or_else(|e| panic!("{name}: {e}"));
-            sums[2][k] += map_error(&map, &judged);
+        let table = measure(brdf);
+        let map = ColourMap::from_brdf(&table, 1.5, Method::Clip, region.largest, 128);
+        let direct = |s: &Sample| colour_map::at_equivalent(brdf, s, 1.5, Method::Clip, region.largest);
+        dense += share * mean_error(&judged, direct);
+        clip += share * mean_error(&judged, |s| map.eval(s.light, s.view));
+        for (harmonics, sum) in k.iter_mut().enumerate() {
+            let map = FlakeMap::fit_table(name, &table, &options(harmonics));
+            *sum += share * map_error(&map.unwrap_or_else(|e| panic!("{name}: {e}")), &judged);
         }
     }
     let mut out = Vec::new();
-    let names = [
-        "Sopp's grid, cell means",
-        "Sopp's grid, cell means, 1 % + 0.0005/sr noise",
-        "GEFE's 448 geometries",
-    ];
-    for (name, sum) in names.into_iter().zip(sums) {
-        ratios(&mut out, name, clip / 4.0, sum.map(|s| s / 4.0), " (4 networks)");
-    }
+    ratios(&mut out, what, clip, k, &format!(" (A of dense data {dense:.2})"));
     out
 }
 
@@ -299,16 +298,10 @@ fn normal(key: u64) -> f64 {
 }
 
 /// θi, θo by 10° from 0° to 70°, φ by 30°: 448 geometries.
-pub fn gefe(brdf: &dyn Brdf) -> Vec<Sample> {
-    let mut all = Vec::new();
-    for i in 0..8 * 8 * 7 {
-        let (ti, to, p) = (i / 56, i / 7 % 8, i % 7);
-        let (light, view) =
-            Geometry::from_degrees(10.0 * f64::from(ti), 10.0 * f64::from(to), 30.0 * f64::from(p))
-                .directions();
-        all.push(Sample { light, view, value: brdf.eval(light, view), sigma: [0.0; 3], weight: 1.0 });
-    }
-    all
+fn gefe(brdf: &dyn Brdf) -> Measured {
+    let by = |step: f64, n: u32| (0..n).map(|k| step * f64::from(k)).collect();
+    let grid = Grid { theta_i_deg: by(10.0, 8), theta_o_deg: by(10.0, 8), phi_deg: by(30.0, 7) };
+    Measured::sampled(grid, brdf)
 }
 
 /// Other materials of the same data, those with the most to follow: nothing here was tuned on them.

@@ -38,4 +38,6 @@ pub use samples::{Region, Sample};
 pub use transform::Transform;
 
 #[cfg(test)]
+mod honesty_tests;
+#[cfg(test)]
 mod tests;

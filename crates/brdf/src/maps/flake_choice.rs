@@ -13,8 +13,10 @@ const TRIED: usize = 4000;
 const LEAST: usize = 60;
 /// Default λ at 40 × 40 nodes, and where nothing is chosen.
 const SMOOTHNESS: f64 = 1e-3;
-/// A setting is taken over the default only if it lowers the squared error of prediction by more than this share.
+/// β is taken over 0 only if it lowers the squared error of prediction by more than this share, λ by more than the other: where noise is most of that
+/// error, a good λ changes little of it.
 const WORTH: f64 = 0.02;
+const WORTH_SMOOTH: f64 = 0.001;
 
 /// Chosen settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,12 +48,12 @@ pub(super) fn choose(data: &[Datum], options: &FlakeFitOptions) -> Choice {
     if options.smoothness.fixed().is_none() {
         let at = |l: f64| (l, error(&shape, edge, l));
         let start = at(smoothness);
-        smoothness = best(start, [1e-4, 1e-2, 1e-1, 1.0, 10.0].map(at));
+        smoothness = best(WORTH_SMOOTH, start, [1e-4, 1e-2, 3e-2, 1e-1, 3e-1, 1.0, 3.0, 10.0].map(at));
     }
     if options.edge.fixed().is_none() {
         let at = |b: f64| (b, error(&shape, b, smoothness));
         let start = at(0.0);
-        edge = best(start, [-1.0, -0.75, -0.5, -0.25, 0.25, 0.5, 0.75, 1.0, 1.5].map(at));
+        edge = best(WORTH, start, [-1.0, -0.75, -0.5, -0.25, 0.25, 0.5, 0.75, 1.0, 1.5].map(at));
     }
     let against_none = (options.index > 1.0).then(|| {
         let bare = Shape { index: 1.0, ..shape };
@@ -61,9 +63,9 @@ pub(super) fn choose(data: &[Datum], options: &FlakeFitOptions) -> Choice {
 }
 
 /// The setting of the least error, or the first one where none is worth it.
-fn best<const N: usize>(start: (f64, f64), others: [(f64, f64); N]) -> f64 {
+fn best<const N: usize>(worth: f64, start: (f64, f64), others: [(f64, f64); N]) -> f64 {
     let least = others.into_iter().fold(start, |a, b| if b.1 < a.1 { b } else { a });
-    if least.1 < (1.0 - WORTH) * start.1 { least.0 } else { start.0 }
+    if least.1 < (1.0 - worth) * start.1 { least.0 } else { start.0 }
 }
 
 /// Mean squared error on the scale of the fit, weighted, of each half predicted from the other.

@@ -25,6 +25,11 @@ const ACROSS: usize = 3;
 const REFITS: usize = 2;
 /// Below this share of covered nodes within the region a map says so.
 const WELL_COVERED: f64 = 0.5;
+/// A channel that is negative in more than this share of the measurements is meant so.
+const OUTSIDE: f64 = 0.1;
+/// With fewer measurements than this a map has at most `SPARSE_NODES`: more would be filled by smoothness alone, and worse.
+const SPARSE: usize = 1000;
+const SPARSE_NODES: [usize; 2] = [16, 32];
 /// How much better than with a coat measurements must be predicted without one before the map says so.
 const NOT_SEEN: f64 = 1.25;
 
@@ -58,6 +63,9 @@ impl FlakeMap {
             findings.push(Finding::AllInPlane { asked: options.harmonics });
             options.harmonics = 0;
         }
+        if data.len() < SPARSE {
+            options.nodes = [0, 1].map(|a| options.nodes[a].min(SPARSE_NODES[a]));
+        }
         let least = 3 * (options.harmonics + 1);
         if data.len() < least {
             return Err(FitError::Data {
@@ -86,14 +94,15 @@ impl FlakeMap {
         if let Some(ratio) = choice.against_none.filter(|r| *r > NOT_SEEN) {
             findings.push(Finding::CoatNotSeen { index: options.index, ratio });
         }
-        let extreme = |start: f64, pick: fn(f64, f64) -> f64| {
-            let of = |c: usize| rows.iter().map(|r| r.y[c]).fold(start, pick) as f32;
-            [of(0), of(1), of(2), 0.0]
-        };
-        let mut bounds = [extreme(f64::INFINITY, f64::min), extreme(f64::NEG_INFINITY, f64::max)];
-        if options.transform == Transform::CubeRoot {
-            // noise about zero is data, a negative reflectance is no answer
-            bounds = bounds.map(|b| b.map(|y| y.max(0.0)));
+        let mut bounds = [[0.0f32; 4]; 2];
+        for c in 0..3 {
+            let y = || rows.iter().map(|r| r.y[c]);
+            let low = y().fold(f64::INFINITY, f64::min);
+            // noise about zero is no negative reflectance; a colour outside the primaries has a channel that is negative throughout
+            let outside = y().filter(|y| *y < 0.0).count() as f64 > OUTSIDE * rows.len() as f64;
+            let floored = options.transform == Transform::CubeRoot && !outside;
+            bounds[0][c] = if floored { low.max(0.0) as f32 } else { low as f32 };
+            bounds[1][c] = y().fold(f64::NEG_INFINITY, f64::max).max(f64::from(bounds[0][c])) as f32;
         }
         let mut map = Self {
             name: name.to_owned(),

@@ -29,7 +29,7 @@ pub struct FlakeFitOptions {
     pub index: f64,
     /// K, 0 to 3.
     pub harmonics: usize,
-    /// Nodes over θ_inc and θ_flake, at least 4 each.
+    /// Nodes over θ_inc and θ_flake, at least 4 each; a map of fewer than 1,000 measurements takes at most 16 and 32.
     pub nodes: [usize; 2],
     /// Scale on which errors count.
     pub transform: Transform,

@@ -37,16 +37,13 @@ impl Transform {
         }
     }
 
-    /// f of y, not negative.
+    /// f of y.
     #[inline]
     #[must_use]
     pub fn inverse(self, y: f32) -> f32 {
         match self {
             Self::Log => exp2(y),
-            Self::CubeRoot => {
-                let y = y.max(0.0);
-                y * y * y
-            }
+            Self::CubeRoot => y * y * y,
         }
     }
 }

@@ -235,10 +235,8 @@ fn cayman(data: &RealData) -> Vec<Figure> {
 fn sizes(data: &RealData) -> Vec<Figure> {
     const STRONGEST: [&str; 4] =
         ["gold-metallic-paint", "silver-metallic-paint2", "color-changing-paint2", "green-metallic-paint"];
-    let (exact, noisy): (fn(&dyn Brdf) -> Measured, fn(&dyn Brdf) -> Measured) =
-        (|b| cell_means(b, false), |b| cell_means(b, true));
-    let mut out = sized(data, "Sopp's grid, cell means, 4 networks", &STRONGEST, exact);
-    out.extend(sized(data, "the same, noise 1 % + 0.0005/sr", &STRONGEST, noisy));
+    let mut out = sized(data, "Sopp's grid, cell means, 4 networks", &STRONGEST, |b| cell_means(b, false));
+    out.extend(sized(data, "the same, noise 1 % + 0.0005/sr", &STRONGEST, |b| cell_means(b, true)));
     out.extend(sized(data, "GEFE's 448 geometries, 13 networks", &NETWORKS, gefe));
     out
 }
@@ -273,10 +271,10 @@ fn cell_means(brdf: &dyn Brdf, noise: bool) -> Measured {
     for i in 0..table.values.len() {
         let cell = table.grid.coordinates(i);
         let mean = average::cell_mean(brdf, &table.grid, meaning, cell, 2, 0);
-        for c in 0..3 {
-            let sigma = 0.01 * mean[c] + 5e-4;
+        for (c, f) in mean.into_iter().enumerate() {
+            let sigma = 0.01 * f + 5e-4;
             let z = if noise { normal((3 * i + c) as u64) } else { 0.0 };
-            table.values[i][c] = (mean[c] + sigma * z) as f32;
+            table.values[i][c] = (f + sigma * z) as f32;
             table.sigma[i][c] = if noise { sigma as f32 } else { 0.0 };
         }
         table.flag[i] = Flag::Measured;

@@ -94,16 +94,7 @@ impl FlakeMap {
         if let Some(ratio) = choice.against_none.filter(|r| *r > NOT_SEEN) {
             findings.push(Finding::CoatNotSeen { index: options.index, ratio });
         }
-        let mut bounds = [[0.0f32; 4]; 2];
-        for c in 0..3 {
-            let y = || rows.iter().map(|r| r.y[c]);
-            let low = y().fold(f64::INFINITY, f64::min);
-            // noise about zero is no negative reflectance; a colour outside the primaries has a channel that is negative throughout
-            let outside = y().filter(|y| *y < 0.0).count() as f64 > OUTSIDE * rows.len() as f64;
-            let floored = options.transform == Transform::CubeRoot && !outside;
-            bounds[0][c] = if floored { low.max(0.0) as f32 } else { low as f32 };
-            bounds[1][c] = y().fold(f64::NEG_INFINITY, f64::max).max(f64::from(bounds[0][c])) as f32;
-        }
+        let bounds = bounds(&rows, options.transform);
         let mut map = Self {
             name: name.to_owned(),
             index: options.index,
@@ -132,6 +123,20 @@ impl FlakeMap {
         let covered = self.region.directions(COUNT, 0).filter(|&(l, v)| self.covers(l, v)).count();
         covered as f64 / COUNT as f64
     }
+}
+
+/// Smallest and largest y of each channel.
+fn bounds(rows: &[Row], transform: Transform) -> [[f32; 4]; 2] {
+    let of = |c: usize| {
+        let y = || rows.iter().map(|r| r.y[c]);
+        let (low, high) = (y().fold(f64::INFINITY, f64::min), y().fold(f64::NEG_INFINITY, f64::max));
+        // noise about zero is no negative reflectance; a colour outside the primaries has a channel that is negative throughout
+        let outside = y().filter(|y| *y < 0.0).count() as f64 > OUTSIDE * rows.len() as f64;
+        let low = if transform == Transform::CubeRoot && !outside { low.max(0.0) } else { low };
+        [low as f32, high.max(low) as f32]
+    };
+    let [r, g, b] = [of(0), of(1), of(2)];
+    [0, 1].map(|end| [r[end], g[end], b[end], 0.0])
 }
 
 /// Whether P_k is that of φ_d = 0 within a few parts in a thousand, for all k.

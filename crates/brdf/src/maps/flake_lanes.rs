@@ -150,9 +150,9 @@ pub(super) fn block<const N: usize, const L: usize, const LOG: bool>(
         out[i] = [y[0], y[1], y[2]];
     }
     if LOG {
-        for i in 0..L {
-            for c in 0..3 {
-                out[i][c] = scale[i] * exp2(out[i][c]);
+        for (f, scale) in out.iter_mut().zip(&scale) {
+            for y in f {
+                *y = scale * exp2(*y);
             }
         }
     }

@@ -137,24 +137,21 @@ impl FlakeMap {
     #[inline]
     #[must_use]
     pub fn eval_single(&self, light: [f32; 3], view: [f32; 3]) -> [f32; 3] {
+        match self.transform {
+            Transform::CubeRoot => self.one::<false>(light, view),
+            Transform::Log => self.one::<true>(light, view),
+        }
+    }
+
+    #[inline]
+    fn one<const LOG: bool>(&self, light: [f32; 3], view: [f32; 3]) -> [f32; 3] {
         let (table, mut out) = (self.table(), [[0.0; 3]]);
-        match (self.harmonics, self.transform) {
-            (0, Transform::CubeRoot) => {
-                flake_lanes::block::<1, 1, false>(&table, &[light], &[view], &mut out)
-            }
-            (1, Transform::CubeRoot) => {
-                flake_lanes::block::<2, 1, false>(&table, &[light], &[view], &mut out)
-            }
-            (2, Transform::CubeRoot) => {
-                flake_lanes::block::<3, 1, false>(&table, &[light], &[view], &mut out)
-            }
-            (_, Transform::CubeRoot) => {
-                flake_lanes::block::<4, 1, false>(&table, &[light], &[view], &mut out)
-            }
-            (0, Transform::Log) => flake_lanes::block::<1, 1, true>(&table, &[light], &[view], &mut out),
-            (1, Transform::Log) => flake_lanes::block::<2, 1, true>(&table, &[light], &[view], &mut out),
-            (2, Transform::Log) => flake_lanes::block::<3, 1, true>(&table, &[light], &[view], &mut out),
-            (_, Transform::Log) => flake_lanes::block::<4, 1, true>(&table, &[light], &[view], &mut out),
+        let (l, v) = (&[light], &[view]);
+        match self.harmonics {
+            0 => flake_lanes::block::<1, 1, LOG>(&table, l, v, &mut out),
+            1 => flake_lanes::block::<2, 1, LOG>(&table, l, v, &mut out),
+            2 => flake_lanes::block::<3, 1, LOG>(&table, l, v, &mut out),
+            _ => flake_lanes::block::<4, 1, LOG>(&table, l, v, &mut out),
         }
         out[0]
     }
@@ -162,15 +159,18 @@ impl FlakeMap {
     /// f of many geometries, the path for renderers: several at a time in vector registers, bit for bit what [`Self::eval_single`] gives. Ends with
     /// the shortest of the three slices.
     pub fn eval_many(&self, light: &[[f32; 3]], view: &[[f32; 3]], out: &mut [[f32; 3]]) {
-        match (self.harmonics, self.transform) {
-            (0, Transform::CubeRoot) => flake_lanes::many::<1, false>(self.table(), light, view, out),
-            (1, Transform::CubeRoot) => flake_lanes::many::<2, false>(self.table(), light, view, out),
-            (2, Transform::CubeRoot) => flake_lanes::many::<3, false>(self.table(), light, view, out),
-            (_, Transform::CubeRoot) => flake_lanes::many::<4, false>(self.table(), light, view, out),
-            (0, Transform::Log) => flake_lanes::many::<1, true>(self.table(), light, view, out),
-            (1, Transform::Log) => flake_lanes::many::<2, true>(self.table(), light, view, out),
-            (2, Transform::Log) => flake_lanes::many::<3, true>(self.table(), light, view, out),
-            (_, Transform::Log) => flake_lanes::many::<4, true>(self.table(), light, view, out),
+        match self.transform {
+            Transform::CubeRoot => self.many::<false>(light, view, out),
+            Transform::Log => self.many::<true>(light, view, out),
+        }
+    }
+
+    fn many<const LOG: bool>(&self, light: &[[f32; 3]], view: &[[f32; 3]], out: &mut [[f32; 3]]) {
+        match self.harmonics {
+            0 => flake_lanes::many::<1, LOG>(self.table(), light, view, out),
+            1 => flake_lanes::many::<2, LOG>(self.table(), light, view, out),
+            2 => flake_lanes::many::<3, LOG>(self.table(), light, view, out),
+            _ => flake_lanes::many::<4, LOG>(self.table(), light, view, out),
         }
     }
 

@@ -55,11 +55,13 @@ impl Shape {
     }
 }
 
+/// Share of the mean, E, and the unknowns with their factors, of one point of a datum.
+type Part = (f64, f64, Vec<(usize, f64)>);
+
 /// One datum's equation: `Σ share · c = y`.
 #[derive(Clone, Debug)]
 pub(super) struct Row {
-    /// Of each point: its share of the mean, E, and its unknowns with their factors.
-    points: Vec<(f64, f64, Vec<(usize, f64)>)>,
+    points: Vec<Part>,
     /// Unknowns and their factors in the mean over the points.
     pub(super) used: Vec<(usize, f64)>,
     /// f over the mean of E, 1/sr.
@@ -166,8 +168,8 @@ pub(super) fn solve<'a>(
     let mut mean = [0.0; 3];
     let mut reach = 2 * shape.nodes[1] * shape.terms;
     for row in rows.clone() {
-        for c in 0..3 {
-            mean[c] += row.weight * row.y[c] / total;
+        for (mean, y) in mean.iter_mut().zip(row.y) {
+            *mean += row.weight * y / total;
         }
         let ends = row.used.iter().fold((usize::MAX, 0), |(low, high), &(m, _)| (low.min(m), high.max(m)));
         reach = reach.max(ends.1 - ends.0.min(ends.1));

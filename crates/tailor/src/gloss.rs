@@ -183,7 +183,9 @@ pub fn without_gloss(
         (GlossChoice::Fresnel(_), _) if index <= 1.0 => Err(GlossError::NoCoat),
         (GlossChoice::Fresnel(_), Some(lamp)) => Ok(subtracted(material, brdf, index, lamp)),
         _ => {
-            if let Some(separated) = material.table().and_then(|t| base_through_coat(t, index)) {
+            // the base was separated with the coat that the file states, whatever index maps are asked for
+            let own = material.stated_index().unwrap_or(index);
+            if let Some(separated) = material.table().and_then(|t| base_through_coat(t, own)) {
                 return Ok((Box::new(separated), Gloss::Separated));
             }
             let peak = GlossPeak::of(material, index);
@@ -319,6 +321,20 @@ mod tests {
             let (l, v) = Geometry::from_degrees(ti, to, 180.0).directions();
             let (is, want) = (body.eval(l, v)[0], file.eval(l, v)[0]);
             assert!((is / want - 1.0).abs() < 0.05, "{ti} {to}: {is} {want}");
+        }
+    }
+
+    #[test]
+    fn a_base_that_was_measured_apart_is_seen_through_its_own_coat() {
+        let (file, mut t, _) = coated();
+        t.attributes.insert("coat_index".to_owned(), "1.5".to_owned());
+        t.base = Some(vec![[0.3, 0.2, 0.1].map(|d: f32| d / std::f32::consts::PI); t.grid.len()]);
+        let m = Material::new("separated", Loaded::Table(Box::new(t)));
+        let (body, done) = without_gloss(&m, 1.3, GlossChoice::Auto).unwrap();
+        assert_eq!(done, Gloss::Separated);
+        for (ti, to) in [(45.0, 45.0), (30.0, 60.0), (60.0, 20.0)] {
+            let (l, v) = Geometry::from_degrees(ti, to, 180.0).directions();
+            assert!((body.eval(l, v)[0] / file.eval(l, v)[0] - 1.0).abs() < 1e-5);
         }
     }
 

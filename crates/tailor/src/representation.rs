@@ -303,7 +303,11 @@ fn flake_map(
             return Err(BuildError::FewerHarmonics { asked: harmonics, has: map.harmonics() });
         }
     }
-    let samples = samples(material, options, findings);
+    let few = material.scattered().filter(|s| s.points.len() < HANDFUL);
+    let samples = match few {
+        Some(points) => handful_region(options).of_scattered(points),
+        None => samples(material, options, findings),
+    };
     if !samples.is_empty() && samples.iter().all(is_in_plane) {
         if harmonics > 0 {
             return Err(BuildError::AllInPlane { count: samples.len() });
@@ -313,7 +317,6 @@ fn flake_map(
     if harmonics == 0
         && let Some(map) = handful(material, options)?
     {
-        findings.retain(|f| !matches!(f, Finding::Sparse { .. }));
         findings.extend(map.findings().iter().cloned().map(Finding::Map));
         return Ok(map);
     }
@@ -330,11 +333,15 @@ fn flake_map(
     Ok(map)
 }
 
+/// Portable instruments measure at 15° from the mirror direction, which maps of full data leave out.
+fn handful_region(options: &Options) -> Region {
+    Region { largest: options.largest, from_mirror: HANDFUL_CONE }
+}
+
 /// The estimate from a portable instrument's few geometries, with its uncertainty; `None` for materials with more than a handful.
 fn handful(material: &Material, options: &Options) -> Result<Option<FlakeMap>, BuildError> {
     let Some(points) = material.scattered().filter(|s| s.points.len() < HANDFUL) else { return Ok(None) };
-    // such instruments measure at 15° from the mirror direction, which maps of full data leave out
-    let region = Region { largest: options.largest, from_mirror: HANDFUL_CONE };
+    let region = handful_region(options);
     let samples = region.of_scattered(points);
     if samples.len() < 3 {
         return Err(BuildError::Flake(FitError::Data {

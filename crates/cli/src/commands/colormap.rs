@@ -3,7 +3,11 @@
 use std::path::Path;
 
 use gonio_brdf::{Brdf, Rgb};
-use gonio_optics::{Angle, Geometry, Vec3, flake::FlakeAngles, isoline::Method};
+use gonio_optics::{
+    Angle, Geometry, Vec3,
+    flake::{FlakeAngles, flake_angles},
+    isoline::Method,
+};
 use gonio_render::plots::{ColourMapPlot, FlakeMapPlot, flake_map};
 use gonio_render::{MapImage, Picture};
 use gonio_tailor::{Built, Finding, Gloss, Material, Options, Representation, without_gloss};
@@ -142,20 +146,12 @@ impl<'a> Drawn<'a> {
             Some(g) => g.to_string(),
             None => "between the dots a smooth continuation".to_owned(),
         };
-        let measured: Vec<Geometry> = self.material.scattered().map_or_else(Vec::new, |s| {
-            let in_plane = |g: &Geometry| {
-                let phi = g.phi.folded().degrees();
-                (phi < 0.5 || phi > 179.5 || g.theta_i.degrees() < 0.01 || g.theta_o.degrees() < 0.01)
-                    && g.theta_i.degrees() <= limit
-                    && g.theta_o.degrees() <= limit
-                    && g.from_mirror().degrees() > 10.0
-            };
-            s.points
-                .iter()
-                .map(|p| Geometry { phi: p.geometry.phi.folded(), ..p.geometry })
-                .filter(in_plane)
-                .collect()
-        });
+        let in_plane_only = |g: &Geometry| {
+            let phi = g.phi.degrees();
+            (!(0.5..=179.5).contains(&phi) || g.theta_i.degrees() < 0.01 || g.theta_o.degrees() < 0.01)
+                && g.from_mirror().degrees() > 10.0
+        };
+        let measured: Vec<Geometry> = self.measured().filter(in_plane_only).collect();
         ColourMapPlot {
             title: format!("{name} of {}", self.material.name),
             in_plane: &in_plane,
@@ -175,6 +171,16 @@ impl<'a> Drawn<'a> {
         .draw()
     }
 
+    /// Geometries of scattered measurements that the map may hold.
+    fn measured(&self) -> impl Iterator<Item = Geometry> {
+        let limit = self.options.largest.degrees() + 1e-9;
+        let points = self.material.scattered().map_or(&[][..], |s| &s.points);
+        points
+            .iter()
+            .map(|p| Geometry { phi: p.geometry.phi.folded(), ..p.geometry })
+            .filter(move |g| g.theta_i.degrees() <= limit && g.theta_o.degrees() <= limit)
+    }
+
     fn in_plane(&self, g: Geometry) -> Rgb {
         if let Some(map) = self.built.colour_map() {
             return map.in_plane(g);
@@ -187,11 +193,20 @@ impl<'a> Drawn<'a> {
         let index = self.options.index;
         let k = self.built.flake_map().map_or(0, gonio_brdf::maps::FlakeMap::harmonics);
         let how = if k == 0 { "" } else { ", mean over azimuths" };
+        // an estimate says everywhere how uncertain it is, beside dots where it was measured
+        let estimated = self.built.relative_sigma().is_some();
+        let seen = |g: Geometry| {
+            let (l, v) = g.directions();
+            flake_angles(l, v, index)
+        };
+        let measured: Vec<FlakeAngles> =
+            if estimated { self.measured().map(seen).collect() } else { Vec::new() };
         FlakeMapPlot {
             title: format!("Flake map of {}", self.material.name),
-            colour: &|f| across(&self.built, f, index),
+            colour: &|f| across(&self.built, f, index).map(|(f, covered)| (f, covered || estimated)),
             index,
             largest: self.options.largest,
+            measured: &measured,
             factor,
             note: format!(
                 "K = {k}{how}; index {index}; without the gloss of the coat{}",
@@ -274,7 +289,7 @@ impl<'a> Drawn<'a> {
     }
 }
 
-/// The uncertainty of an estimated map in words; empty for others.
+/// The uncertainty of an estimated map in words; of others that they have no gloss.
 fn uncertainty(built: &Built) -> String {
     built.relative_sigma().map_or_else(String::new, |[median, p95]| {
         format!(

@@ -28,6 +28,8 @@ pub struct FlakeMapPlot<'a> {
     pub index: f64,
     /// Largest polar angle, outside, of the geometries that were fitted.
     pub largest: Angle,
+    /// What the measurements saw, drawn as dots; empty for dense data.
+    pub measured: &'a [FlakeAngles],
     /// Factor on R = πf; `None` for one that makes the body colour bright.
     pub factor: Option<f64>,
     /// A line under the picture.
@@ -106,6 +108,9 @@ impl FlakeMapPlot<'_> {
         }) {
             entries.push((Key::Hatched, "striped: continued, nothing measured near".to_owned()));
         }
+        if !self.measured.is_empty() {
+            entries.push((Key::Dot(INK), "measured".to_owned()));
+        }
         let white = if factor == 1.0 {
             "white: R = πf = 1".to_owned()
         } else {
@@ -138,6 +143,11 @@ impl FlakeMapPlot<'_> {
         let straight = [at(0.0, end), at(end, 0.0)];
         canvas.polyline(&straight, 2.8, [255; 3]);
         canvas.polyline(&straight, 1.3, INK);
+        for f in self.measured {
+            let p = at(f.theta_inc.degrees(), f.theta_flake.degrees());
+            canvas.disc(p, 2.6, [255; 3], 1.0);
+            canvas.disc(p, 1.8, INK, 1.0);
+        }
         canvas.outline(area, 0.8, INK);
         let small = Text::new(9.5, INK);
         let step = if end > 60.0 { 15.0 } else { 5.0 };
@@ -197,6 +207,7 @@ mod tests {
             colour: &|_| Some(([0.0, 0.1, 0.0], true)),
             index: 1.5,
             largest: Angle::from_degrees(75.0),
+            measured: &[],
             factor: Some(1.0),
             note: String::new(),
         };

@@ -29,6 +29,7 @@ mod moments;
 mod names;
 mod nodes;
 mod nonnegative;
+mod notes;
 mod number;
 mod observations;
 mod options;

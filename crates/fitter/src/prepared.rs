@@ -17,7 +17,8 @@ use crate::{
 pub struct Prepared {
     family: Family,
     columns: crate::moments::Layout,
-    rows: Rows,
+    /// Per row: place in the table, weight, last value.
+    cells: Vec<(u32, f64, [f64; 3])>,
     fast: Transformed,
     bounds: Vec<(f64, f64)>,
 }
@@ -50,23 +51,24 @@ impl Prepared {
         let columns = Columns::new(&family, false).layout;
         let fast = Transformed::new(obs, options, &family, &columns, &rows)?;
         let bounds = family.parameters.iter().map(Nonlinear::walked).collect();
-        Some(Self { family, columns, rows, fast, bounds })
+        let cells = rows.rows.iter().map(|r| (r.datum.place, r.weight[0], r.value)).collect();
+        Some(Self { family, columns, cells, fast, bounds })
     }
 
     /// Number of cells that take part.
     #[must_use]
     pub fn cells(&self) -> usize {
-        self.rows.len()
+        self.cells.len()
     }
 
     /// Fits values, one per place of the table or list that was prepared; places without a value keep the last one.
     pub fn fit(&mut self, values: &[[f64; 3]]) -> Minimum {
-        for row in &mut self.rows.rows {
-            if let Some(v) = values.get(row.datum.place as usize) {
-                row.value = *v;
+        for (place, _, y) in &mut self.cells {
+            if let Some(v) = values.get(*place as usize) {
+                *y = *v;
             }
         }
-        self.fast.value(&self.rows);
+        self.fast.value_of(self.cells.iter().map(|&(_, w, y)| ([w; 3], y)));
         let starts = start::starts(Seen::Transformed(&self.fast), &self.family, 8);
         let best = lowest(&starts, &self.bounds, |q| reduce(&self.fast.moments(q), &self.columns));
         Minimum {

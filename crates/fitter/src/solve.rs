@@ -122,7 +122,11 @@ pub(crate) fn solve(obs: &Observations, options: &Options, family: &Family) -> S
             if after.is_nan() || after > before {
                 break;
             }
+            let moved = q.iter().zip(&next_q).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
             (q, colours, columns) = (next_q, next_colours, next);
+            if moved < 1e-10 {
+                break;
+            }
         }
     }
     let layout = evaluator.columns.layout.clone();
@@ -177,9 +181,22 @@ fn global(
 
 /// The lowest of the minima that the starts lead to.
 pub(crate) fn lowest(starts: &[Vec<f64>], bounds: &[(f64, f64)], mut reduced: impl FnMut(&[f64]) -> Reduced) -> Refined {
+    // first near the minima, then into those that may be the lowest
+    let mut near: Vec<Refined> = match starts {
+        [one] => vec![Refined { q: one.clone(), at: Reduced::default(), converged: false }],
+        several => several.iter().map(|q| refine(q, bounds, STEPS, COARSE_STEP, &mut reduced)).collect(),
+    };
+    near.retain(|r| !r.at.squares.is_nan());
+    near.sort_by(|a, b| a.at.squares.total_cmp(&b.at.squares));
+    let limit = near.first().map_or(0.0, |r| 1.05 * r.at.squares);
     let mut best: Option<Refined> = None;
-    for q in starts {
-        let r = refine(q, bounds, STEPS, SMALLEST_STEP, &mut reduced);
+    let mut seen: Vec<Vec<f64>> = Vec::new();
+    for r in near.iter().filter(|r| r.at.squares <= limit) {
+        if seen.iter().any(|o| o.iter().zip(&r.q).all(|(a, b)| (a - b).abs() < 0.02)) {
+            continue;
+        }
+        seen.push(r.q.clone());
+        let r = refine(&r.q, bounds, STEPS, SMALLEST_STEP, &mut reduced);
         if best.as_ref().is_none_or(|b| r.at.squares < b.at.squares || b.at.squares.is_nan()) {
             best = Some(r);
         }

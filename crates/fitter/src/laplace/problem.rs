@@ -171,22 +171,29 @@ impl Transformed {
         out
     }
 
-    /// The one pass over the values.
+    /// Takes new values of the same rows.
     pub(crate) fn value(&mut self, rows: &Rows) {
+        self.value_of(rows.rows.iter().map(|r| (r.weight, r.value)));
+    }
+
+    /// The one pass over the values: (weight, value) row by row.
+    pub(crate) fn value_of(&mut self, data: impl Iterator<Item = ([f64; 3], [f64; 3])>) {
         let mut sums: [Valued; 3] = Default::default();
-        let weighted: Vec<[f64; 3]> = rows
-            .rows
-            .iter()
+        let (mut dy, mut yy) = ([0.0; 3], [0.0; 3]);
+        let weighted: Vec<[f64; 3]> = data
             .zip(&self.diffuse)
-            .map(|(row, d)| {
-                let wy: [f64; 3] = std::array::from_fn(|c| row.weight[c] * row.value[c]);
-                for (c, s) in sums.iter_mut().enumerate() {
-                    s.dy += wy[c] * d;
-                    s.yy += wy[c] * row.value[c];
+            .map(|((w, y), d)| {
+                let wy: [f64; 3] = std::array::from_fn(|c| w[c] * y[c]);
+                for c in 0..3 {
+                    dy[c] += wy[c] * d;
+                    yy[c] += wy[c] * y[c];
                 }
                 wy
             })
             .collect();
+        for (c, s) in sums.iter_mut().enumerate() {
+            (s.dy, s.yy) = (dy[c], yy[c]);
+        }
         let zero = || vec![[0.0; ORDER]; self.bins];
         for s in &mut sums {
             s.ay = [zero(), zero()];

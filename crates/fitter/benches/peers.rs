@@ -275,7 +275,9 @@ fn simplified() {
             ("ours, prepared", &mut || drop(black_box(ready.borrow_mut().fit(black_box(&values))))),
             ("ours, preparation included", &mut || drop(black_box(prepared(&obs, &o).fit(&values)))),
             ("ours, with verdict", &mut || drop(black_box(fit(&obs, &o)))),
-            ("levenberg-marquardt 0.15, started at 100", &mut || drop(black_box(levenberg_marquardt_simplified(&data, 100.0)))),
+            ("levenberg-marquardt 0.15, started at 100", &mut || {
+                drop(black_box(levenberg_marquardt_simplified(&data, 100.0)))
+            }),
             ("varpro 0.14, started at 100", &mut || drop(black_box(varpro_simplified(&data, &y, 100.0)))),
         ],
     );
@@ -305,7 +307,9 @@ fn full() {
         20,
         &mut [
             ("ours, prepared", &mut || drop(black_box(ready.borrow_mut().fit(black_box(&values))))),
-            ("levenberg-marquardt 0.15, started at 100", &mut || drop(black_box(levenberg_marquardt_full(&data, 100.0)))),
+            ("levenberg-marquardt 0.15, started at 100", &mut || {
+                drop(black_box(levenberg_marquardt_full(&data, 100.0)))
+            }),
         ],
     );
     println!("  ratio {:.1}", t[1] / t[0]);
@@ -342,7 +346,11 @@ fn three_lobes() {
     let lobe = |s: [f64; 3], alpha, r0| CookTorranceLobe { specular: s, alpha, r0 };
     let truth = CookTorrance {
         diffuse: [0.02, 0.05, 0.1],
-        lobes: vec![lobe([0.2, 0.3, 0.4], 0.55, 0.3), lobe([0.3, 0.1, 0.02], 0.22, 0.1), lobe([0.1; 3], 0.06, 0.05)],
+        lobes: vec![
+            lobe([0.2, 0.3, 0.4], 0.55, 0.3),
+            lobe([0.3, 0.1, 0.02], 0.22, 0.1),
+            lobe([0.1; 3], 0.06, 0.05),
+        ],
     };
     // cosines of 0 at θ = 90° make some values huge: weighted as Ngan does, with cos² θi
     let grid = Grid::sopp();

@@ -99,9 +99,8 @@ pub fn fit(obs: &Observations, options: &Options) -> Fit {
         return fit_one(obs, options, options.model);
     }
     let with_lobe = fit_one(obs, options, ModelChoice::AshikhminShirleySimplified);
-    let seen = |name: &str| {
-        with_lobe.parameter(name).is_some_and(|p| p.sigma.is_some_and(|s| p.value > 2.0 * s))
-    };
+    let seen =
+        |name: &str| with_lobe.parameter(name).is_some_and(|p| p.sigma.is_some_and(|s| p.value > 2.0 * s));
     let lobe = ["specular_r", "specular_g", "specular_b"].into_iter().any(seen);
     // where nothing was fitted for want of data, the simpler model may still be
     let fewer = matches!(with_lobe.status, Status::TooFewData { .. });
@@ -221,7 +220,8 @@ fn finish(obs: &Observations, options: &Options, family: &Family, solved: &Solve
         })
     });
     let walked_values = family.values(&solved.q);
-    let values: Vec<f64> = walked_values.iter().copied().chain(solved.colours.iter().flatten().copied()).collect();
+    let values: Vec<f64> =
+        walked_values.iter().copied().chain(solved.colours.iter().flatten().copied()).collect();
     let common = options.common_relative_uncertainty.unwrap_or(obs.common_relative_uncertainty);
     let g: Vec<f64> = values.iter().enumerate().map(|(i, v)| if i < p { 0.0 } else { *v }).collect();
     let known =
@@ -236,7 +236,11 @@ fn finish(obs: &Observations, options: &Options, family: &Family, solved: &Solve
             if meaningless.contains(&i) {
                 return Parameter { name, value: f64::NAN, sigma: None };
             }
-            Parameter { name, value, sigma: (variance.is_finite() && variance >= 0.0).then(|| variance.sqrt()) }
+            Parameter {
+                name,
+                value,
+                sigma: (variance.is_finite() && variance >= 0.0).then(|| variance.sqrt()),
+            }
         })
         .collect();
     let status = status(family, solved, &parameters, known.condition);
@@ -274,12 +278,7 @@ fn finish(obs: &Observations, options: &Options, family: &Family, solved: &Solve
         residuals,
         notes,
         inseparable,
-        logarithmic: family
-            .parameters
-            .iter()
-            .filter(|p| p.scale == Scale::Log)
-            .map(|p| p.name)
-            .collect(),
+        logarithmic: family.parameters.iter().filter(|p| p.scale == Scale::Log).map(|p| p.name).collect(),
     }
 }
 

@@ -43,13 +43,18 @@ impl Region {
 /// What the residuals say. `pairs`: (degrees from the mirror direction, measured, fitted) in the order of the rows.
 pub(crate) fn of_residuals(rows: &Rows, pairs: &[Pair]) -> Vec<String> {
     let mut out = Vec::new();
-    let (mut grazing, mut steep, mut tail, mut far, mut peak) = <(Region, Region, Region, Region, Region)>::default();
+    let (mut grazing, mut steep, mut tail, mut far, mut peak) =
+        <(Region, Region, Region, Region, Region)>::default();
     for (row, (mirror, y, f)) in rows.rows.iter().zip(pairs) {
         let w = row.datum.solid_angle.max(f64::MIN_POSITIVE);
         let (r, v) = ((0..3).map(|c| y[c] - f[c]).sum::<f64>() * w, y.iter().sum::<f64>() * w);
         let g = row.datum.geometry;
         let high = g.theta_i.degrees().max(g.theta_o.degrees()) > 60.0;
-        if high { grazing.add(r, v) } else { steep.add(r, v) }
+        if high {
+            grazing.add(r, v);
+        } else {
+            steep.add(r, v);
+        }
         match mirror {
             m if *m <= 5.0 => peak.add(r, v),
             m if (15.0..40.0).contains(m) => tail.add(r, v),
@@ -68,10 +73,16 @@ pub(crate) fn of_residuals(rows: &Rows, pairs: &[Pair]) -> Vec<String> {
     };
     say(grazing, steep, "beyond 60° of light or view", "it does not follow the rise towards grazing angles");
     say(tail, far, "15° to 40° from the mirror direction", "its lobe has another tail than the data");
-    say(peak, Region::default(), "within 5° of the mirror direction", "its lobe has another peak than the data");
+    say(
+        peak,
+        Region::default(),
+        "within 5° of the mirror direction",
+        "its lobe has another peak than the data",
+    );
     out.extend(hue(pairs));
     let incidence: Vec<f64> = rows.rows.iter().map(|r| r.datum.geometry.theta_i.degrees()).collect();
-    let (low, high) = incidence.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(*x), b.max(*x)));
+    let (low, high) =
+        incidence.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(*x), b.max(*x)));
     if high - low < 0.5 {
         out.push(format!(
             "all data share one angle of incidence, {low:.1}°: how the model changes with incidence is not tested by them"
@@ -105,7 +116,10 @@ fn hue(pairs: &[Pair]) -> Option<String> {
 }
 
 /// Parameters that the data hardly tell apart: pairs by name, with their correlation.
-pub(crate) fn inseparable(names: &[&'static str], covariance: &[Vec<f64>]) -> Vec<(&'static str, &'static str, f64)> {
+pub(crate) fn inseparable(
+    names: &[&'static str],
+    covariance: &[Vec<f64>],
+) -> Vec<(&'static str, &'static str, f64)> {
     let mut out = Vec::new();
     for (i, row) in covariance.iter().enumerate() {
         for (j, &c) in row.iter().enumerate().skip(i + 1) {
@@ -125,11 +139,10 @@ mod tests {
 
     #[test]
     fn a_pair_that_moves_as_one_is_named() {
-        let found = inseparable(&["r0", "specular_r", "exponent"], &[
-            vec![1.0, -1.99, 0.1],
-            vec![-1.99, 4.0, 0.0],
-            vec![0.1, 0.0, 1.0],
-        ]);
+        let found = inseparable(
+            &["r0", "specular_r", "exponent"],
+            &[vec![1.0, -1.99, 0.1], vec![-1.99, 4.0, 0.0], vec![0.1, 0.0, 1.0]],
+        );
         assert_eq!(found.len(), 1);
         assert_eq!((found[0].0, found[0].1), ("r0", "specular_r"));
     }

@@ -72,7 +72,13 @@ impl Prepared {
         let starts = start::starts(Seen::Transformed(&self.fast), &self.family, 8);
         let best = lowest(&starts, &self.bounds, |q| reduce(&self.fast.moments(q), &self.columns));
         Minimum {
-            parameters: self.family.parameters.iter().zip(&best.q).map(|(p, &q)| (p.name, p.value(q))).collect(),
+            parameters: self
+                .family
+                .parameters
+                .iter()
+                .zip(&best.q)
+                .map(|(p, &q)| (p.name, p.value(q)))
+                .collect(),
             colours: best.at.colours.iter().take(self.family.parts.len()).copied().collect(),
             squares: best.at.squares,
             converged: best.converged,

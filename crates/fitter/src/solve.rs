@@ -55,7 +55,8 @@ impl<'a> Evaluator<'a> {
         let family = self.columns.family;
         let needed = family.sharpness(&family.values(q)).max(1.0);
         let fits = |n: &Nodes| {
-            n.len() == rows.len() && (!self.obs.averages() || (n.sharpness >= needed && n.sharpness <= 8.0 * needed))
+            n.len() == rows.len()
+                && (!self.obs.averages() || (n.sharpness >= needed && n.sharpness <= 8.0 * needed))
         };
         match self.nodes.take_if(|n| fits(n)) {
             Some(kept) => self.nodes.insert(kept),
@@ -180,7 +181,11 @@ fn global(
 }
 
 /// The lowest of the minima that the starts lead to.
-pub(crate) fn lowest(starts: &[Vec<f64>], bounds: &[(f64, f64)], mut reduced: impl FnMut(&[f64]) -> Reduced) -> Refined {
+pub(crate) fn lowest(
+    starts: &[Vec<f64>],
+    bounds: &[(f64, f64)],
+    mut reduced: impl FnMut(&[f64]) -> Reduced,
+) -> Refined {
     // first near the minima, then into those that may be the lowest
     let mut near: Vec<Refined> = match starts {
         [one] => vec![Refined { q: one.clone(), at: Reduced::default(), converged: false }],

@@ -118,7 +118,8 @@ fn own(family: &Family, shared: &[usize], part: usize) -> Vec<usize> {
 
 /// The best combinations with the shared parameters as they stand in `q`.
 fn at_shared(seen: Seen<'_>, family: &Family, shared: &[usize], q: &[f64]) -> Vec<(f64, Vec<f64>)> {
-    let searched: Vec<usize> = (0..family.parts.len()).filter(|&k| !own(family, shared, k).is_empty()).collect();
+    let searched: Vec<usize> =
+        (0..family.parts.len()).filter(|&k| !own(family, shared, k).is_empty()).collect();
     let (atoms, table) = match seen {
         Seen::Rows(obs, rows) => by_rows(obs, rows, family, shared, &searched, q),
         Seen::Transformed(t) => t.table(shared.first().and_then(|&p| q.get(p)).copied()),
@@ -231,7 +232,8 @@ impl<'a> Levels<'a> {
 
     fn of(&self, sharpness: f64) -> &Nodes {
         static NONE: OnceLock<Nodes> = OnceLock::new();
-        let level = (sharpness.max(1.0).log2() * 0.5).ceil().clamp(0.0, (self.made.len() - 1) as f64) as usize;
+        let level =
+            (sharpness.max(1.0).log2() * 0.5).ceil().clamp(0.0, (self.made.len() - 1) as f64) as usize;
         match self.made.get(level) {
             Some(slot) => slot.get_or_init(|| {
                 Nodes::new(self.obs, self.rows, (2.0 * level as f64).exp2(), self.index, false)
@@ -269,7 +271,11 @@ impl Table {
                     .into_par_iter()
                     .map(|p| {
                         let (i, j) = (p / n, p % n);
-                        if j < i || (i >= mixed && i != j) { 0.0 } else { weighted[i].iter().zip(&columns[j]).map(|(a, b)| a * b).sum() }
+                        if j < i || (i >= mixed && i != j) {
+                            0.0
+                        } else {
+                            weighted[i].iter().zip(&columns[j]).map(|(a, b)| a * b).sum()
+                        }
                     })
                     .collect()
             })
@@ -278,11 +284,14 @@ impl Table {
             .map(|c| {
                 columns
                     .par_iter()
-                    .map(|z| z.iter().enumerate().map(|(i, z)| rows.rows[i].weight[c] * z * value(i, c)).sum())
+                    .map(|z| {
+                        z.iter().enumerate().map(|(i, z)| rows.rows[i].weight[c] * z * value(i, c)).sum()
+                    })
                     .collect()
             })
             .collect();
-        let yy = [0, 1, 2].map(|c| (0..rows.len()).map(|i| rows.rows[i].weight[c] * value(i, c).powi(2)).sum());
+        let yy =
+            [0, 1, 2].map(|c| (0..rows.len()).map(|i| rows.rows[i].weight[c] * value(i, c).powi(2)).sum());
         Self { n, gram, by, yy }
     }
 

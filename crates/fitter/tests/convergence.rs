@@ -103,7 +103,8 @@ fn squares(sums: &[f64; 6]) -> f64 {
 
 /// The smallest squares over a grid of exponents (and r0).
 fn brute_force(data: &[Datum], full: bool) -> f64 {
-    let r0s: Vec<f64> = if full { (0..25).map(|k| 0.002 * (490f64).powf(f64::from(k) / 24.0)).collect() } else { vec![1.0] };
+    let r0s: Vec<f64> =
+        if full { (0..25).map(|k| 0.002 * (490f64).powf(f64::from(k) / 24.0)).collect() } else { vec![1.0] };
     (0..=60)
         .into_par_iter()
         .map(|k| {
@@ -113,7 +114,11 @@ fn brute_force(data: &[Datum], full: bool) -> f64 {
                 .map(|x| {
                     let s = AshikhminShirleySimplified::lobe(n, x.l, x.v);
                     let rise = (1.0 - (x.l + x.v).norm() * 0.5).max(0.0).powi(5);
-                    let d = if full { AshikhminShirley::diffuse_term(0.0, x.l, x.v) } else { std::f64::consts::FRAC_1_PI };
+                    let d = if full {
+                        AshikhminShirley::diffuse_term(0.0, x.l, x.v)
+                    } else {
+                        std::f64::consts::FRAC_1_PI
+                    };
                     (d, s, s * rise)
                 })
                 .collect();
@@ -140,10 +145,12 @@ fn brute_force(data: &[Datum], full: bool) -> f64 {
 /// Weighted squares of a fitted model over the data.
 fn squares_of(f: &Fit, data: &[Datum]) -> f64 {
     let brdf = f.model.brdf();
-    data.iter().map(|x| {
-        let m = brdf.eval(x.l, x.v);
-        (0..3).map(|c| x.w[c] * (x.y[c] - m[c]).powi(2)).sum::<f64>()
-    }).sum()
+    data.iter()
+        .map(|x| {
+            let m = brdf.eval(x.l, x.v);
+            (0..3).map(|c| x.w[c] * (x.y[c] - m[c]).powi(2)).sum::<f64>()
+        })
+        .sum()
 }
 
 fn observations(y: &[[f64; 3]], weights: Weights, sigma: f64) -> Observations {
@@ -169,7 +176,9 @@ fn off(f: &Fit, truth: &AshikhminShirleySimplified, r0: Option<f64>) -> f64 {
     for (k, n) in ["specular_r", "specular_g", "specular_b"].into_iter().enumerate() {
         want.push((n, truth.specular[k]));
     }
-    want.iter().map(|(n, w)| (f.parameter(n).unwrap().value - w).abs() / w.abs().max(1e-3)).fold(0.0, f64::max)
+    want.iter()
+        .map(|(n, w)| (f.parameter(n).unwrap().value - w).abs() / w.abs().max(1e-3))
+        .fold(0.0, f64::max)
 }
 
 const WEIGHTS: [Weights; 4] = [Weights::Sopp, Weights::Ngan, Weights::Sigma, Weights::None];
@@ -179,7 +188,12 @@ fn tried(full: bool, every: usize) {
     let mut count = 0;
     for (k, truth) in truths().iter().enumerate().step_by(every) {
         for rs in if full { vec![0.02, 0.04, 0.1, 0.3] } else { vec![1.0] } {
-            let whole = AshikhminShirley { diffuse: truth.diffuse, specular: truth.specular, exponent: truth.exponent, r0: rs };
+            let whole = AshikhminShirley {
+                diffuse: truth.diffuse,
+                specular: truth.specular,
+                exponent: truth.exponent,
+                r0: rs,
+            };
             let (brdf, model): (&dyn Brdf, _) = if full {
                 (&whole, ModelChoice::AshikhminShirley)
             } else {
@@ -190,10 +204,18 @@ fn tried(full: bool, every: usize) {
                 for limit in [45.0, 75.0, 85.0] {
                     for weights in WEIGHTS {
                         count += 1;
-                        let o = Options { model, weights, max_angle: Angle::from_degrees(limit), ..Options::default() };
+                        let o = Options {
+                            model,
+                            weights,
+                            max_angle: Angle::from_degrees(limit),
+                            ..Options::default()
+                        };
                         let f = fit(&observations(&y, weights, noise), &o);
-                        let seen: Vec<[f64; 3]> =
-                            if weights == Weights::Sigma { y.iter().map(|y| y.map(|y| f64::from(y as f32))).collect() } else { y.clone() };
+                        let seen: Vec<[f64; 3]> = if weights == Weights::Sigma {
+                            y.iter().map(|y| y.map(|y| f64::from(y as f32))).collect()
+                        } else {
+                            y.clone()
+                        };
                         let d = data(&seen, weights, limit, noise);
                         let least = brute_force(&d, full);
                         let ours = squares_of(&f, &d);
@@ -204,7 +226,11 @@ fn tried(full: bool, every: usize) {
                         let digits = if weights == Weights::Sigma { 1e-4 } else { 1e-6 };
                         let off = off(&f, truth, full.then_some(rs));
                         if noise == 0.0 && off > digits {
-                            misses.push(format!("row {k} r0 {rs} limit {limit} {}: off by {off:e} {:?}", weights.name(), f.condition));
+                            misses.push(format!(
+                                "row {k} r0 {rs} limit {limit} {}: off by {off:e} {:?}",
+                                weights.name(),
+                                f.condition
+                            ));
                         }
                     }
                 }

@@ -205,10 +205,7 @@ impl Plan {
         } else {
             let (relief, high) = (self.relief(nearest), self.highest(nearest));
             let bend = 4.0 * high * extent.bend * extent.bend;
-            (
-                extent.change(high, extent.by_z) * relief,
-                (extent.change(high, extent.by_phi) + bend) * relief,
-            )
+            (extent.change(high, extent.by_z) * relief, (extent.change(high, extent.by_phi) + bend) * relief)
         };
         let (nz, np) = (order(kz), order(kp));
         if depth < MAX_DEPTH && nz.max(np) > MAX_ORDER {

@@ -53,9 +53,9 @@ pub(crate) fn exponential(x: f64, bins: usize) -> Exponential {
             let u = middle + half * node;
             let e = (-x * u).exp();
             let s = -u * e;
-            for j in 0..ORDER {
-                out.value[bin][j] += column[j] * e;
-                out.slope[bin][j] += column[j] * s;
+            for (j, k) in column.iter().enumerate() {
+                out.value[bin][j] += k * e;
+                out.slope[bin][j] += k * s;
             }
         }
     }
@@ -73,8 +73,8 @@ fn interpolation() -> &'static ([f64; ORDER], Matrix) {
         let columns = std::array::from_fn(|k| {
             let mut poly = [0.0; ORDER];
             poly[0] = 1.0;
-            let mut degree = 0;
-            for (m, &other) in nodes.iter().enumerate().filter(|(m, _)| *m != k) {
+            let others = nodes.iter().enumerate().filter(|(m, _)| *m != k);
+            for (degree, (m, &other)) in others.enumerate() {
                 let scale = (nodes[k] - nodes[m]).recip();
                 let mut next = [0.0; ORDER];
                 for d in 0..=degree {
@@ -84,7 +84,6 @@ fn interpolation() -> &'static ([f64; ORDER], Matrix) {
                     }
                 }
                 poly = next;
-                degree += 1;
             }
             poly
         });

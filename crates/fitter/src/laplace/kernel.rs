@@ -93,7 +93,9 @@ mod tests {
             let (x, dx, g, dg) = rate(term, p.ln());
             let (x2, _, g2, _) = rate(term, p.ln() + 1e-6);
             assert!(((x2 - x) / 1e-6 / dx - 1.0).abs() < 1e-4 && ((g2 - g) / 1e-6 / dg - 1.0).abs() < 1e-4);
-            for (ti, to, phi) in [(0.0, 0.0, 0.0), (30.0, 41.0, 175.0), (70.0, 65.0, 180.0), (45.0, 60.0, 120.0)] {
+            for (ti, to, phi) in
+                [(0.0, 0.0, 0.0), (30.0, 41.0, 175.0), (70.0, 65.0, 180.0), (45.0, 60.0, 120.0)]
+            {
                 let (l, v) = Geometry::from_degrees(ti, to, phi).directions();
                 let ray = Sample::new(1.0, l, v).unwrap().ray(None);
                 let want = term.value(&[p, 0.07, 0.0], &ray);

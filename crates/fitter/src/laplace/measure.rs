@@ -100,7 +100,8 @@ impl GridEntries {
                 for phi in 0..np {
                     let (cell, from) = ((to * np + phi) as u32, out.len());
                     if cap && phi > 0 {
-                        let first: Entries = out.iter().filter(|e| e.cell == (to * np) as u32).copied().collect();
+                        let first: Entries =
+                            out.iter().filter(|e| e.cell == (to * np) as u32).copied().collect();
                         out.extend(first.into_iter().map(|e| Entry { cell, ..e }));
                         continue;
                     }
@@ -111,9 +112,13 @@ impl GridEntries {
                         }
                         Meaning::CellMean { lamp_half_angle } => {
                             let bounds = CellBounds::of(&self.grid, lamp_half_angle, [ti, to, phi]);
-                            every_lobe_nodes(&bounds, kernel::sharpness(self.term, LARGEST), &mut |w, l, v| {
-                                of_direction(&mut out, from, cell, self.term, (w, l, v));
-                            });
+                            every_lobe_nodes(
+                                &bounds,
+                                kernel::sharpness(self.term, LARGEST),
+                                &mut |w, l, v| {
+                                    of_direction(&mut out, from, cell, self.term, (w, l, v));
+                                },
+                            );
                             out[from..].sort_by_key(|e| e.bin);
                         }
                     }

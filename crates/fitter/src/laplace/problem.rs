@@ -96,7 +96,13 @@ struct Lobe {
 
 impl Transformed {
     /// The transformed problem; `None` where the family is not of this form.
-    pub(crate) fn new(obs: &Observations, options: &Options, family: &Family, layout: &Layout, rows: &Rows) -> Option<Self> {
+    pub(crate) fn new(
+        obs: &Observations,
+        options: &Options,
+        family: &Family,
+        layout: &Layout,
+        rows: &Rows,
+    ) -> Option<Self> {
         let term = family.parts.get(1)?.term;
         let alike = family.parts.iter().skip(1).all(|p| p.term == term);
         let base = matches!(family.parts.first()?.term, Term::Lambert | Term::AshikhminDiffuse);
@@ -353,7 +359,11 @@ impl Transformed {
     fn knots(&self) -> &[Knots] {
         self.knots.get_or_init(|| {
             let part = &self.family.parts[1];
-            let q = self.family.parameters.get(part.uses[0]).map_or_else(Vec::new, crate::family::Nonlinear::grid);
+            let q = self
+                .family
+                .parameters
+                .get(part.uses[0])
+                .map_or_else(Vec::new, crate::family::Nonlinear::grid);
             let e: Vec<Vector> = q
                 .iter()
                 .map(|&q| {
@@ -372,13 +382,14 @@ impl Transformed {
         let sides = if kernel::has_fresnel(self.term) { 2 } else { 1 };
         let mut pairs: [[Vec<f64>; 2]; 2] = std::array::from_fn(|_| [vec![0.0; n * n], vec![0.0; n * n]]);
         for a in 0..n {
-            for s in 0..sides {
-                let own = if s == 0 { [e[a].clone(), nothing.clone()] } else { [nothing.clone(), e[a].clone()] };
+            for (s, pairs) in pairs.iter_mut().enumerate().take(sides) {
+                let own =
+                    if s == 0 { [e[a].clone(), nothing.clone()] } else { [nothing.clone(), e[a].clone()] };
                 let image = self.image(w, &own);
                 for b in 0..n {
                     if several || a == b {
                         for (t, image) in image.iter().enumerate().take(sides) {
-                            pairs[s][t][a * n + b] = dot(&e[b], image);
+                            pairs[t][a * n + b] = dot(&e[b], image);
                         }
                     }
                 }
@@ -411,7 +422,9 @@ impl Transformed {
                 of.push((a, share(r0)));
             }
         }
-        let factor = fixed_r0.filter(|_| self.family.parts[0].term == Term::AshikhminDiffuse).map_or(1.0, |q| 1.0 - q.exp());
+        let factor = fixed_r0
+            .filter(|_| self.family.parts[0].term == Term::AshikhminDiffuse)
+            .map_or(1.0, |q| 1.0 - q.exp());
         let n = atoms.len() + 1;
         let several = self.family.parts.len() > 2;
         let gram = self
@@ -445,7 +458,9 @@ impl Transformed {
                     .iter()
                     .map(|e| [dot(e, &v.ay[0]), dot(e, &v.ay[1])])
                     .collect();
-                std::iter::once(factor * v.dy).chain(of.iter().map(|(a, s)| s[0] * sides[*a][0] + s[1] * sides[*a][1])).collect()
+                std::iter::once(factor * v.dy)
+                    .chain(of.iter().map(|(a, s)| s[0] * sides[*a][0] + s[1] * sides[*a][1]))
+                    .collect()
             })
             .collect();
         let yy = [0, 1, 2].map(|c| self.valued[c].yy);
@@ -470,7 +485,8 @@ impl Transformed {
                 for e in self.of_row(i) {
                     let bin = e.bin as usize;
                     for (&column, a) in columns.iter().zip(&combinations) {
-                        z[column] += (0..ORDER).map(|j| a[0][bin][j] * e.p[j] + a[1][bin][j] * e.q[j]).sum::<f64>();
+                        z[column] +=
+                            (0..ORDER).map(|j| a[0][bin][j] * e.p[j] + a[1][bin][j] * e.q[j]).sum::<f64>();
                     }
                 }
                 z

@@ -134,7 +134,8 @@ impl Family {
         match choice {
             ModelChoice::Lambert => f.part(Term::Lambert, &[]),
             ModelChoice::OrenNayar => {
-                let sigma = Nonlinear { name: "sigma_deg", bounds: (0.0, 90.0), scale: Scale::Linear, knots: 10 };
+                let sigma =
+                    Nonlinear { name: "sigma_deg", bounds: (0.0, 90.0), scale: Scale::Linear, knots: 10 };
                 f.own(Term::OrenNayar, &[sigma]);
             }
             ModelChoice::AshikhminShirley => {
@@ -159,8 +160,7 @@ impl Family {
             ModelChoice::CookTorrance(n) => f.lobes(Term::CookTorrance, n, &[alpha, r0]),
             ModelChoice::Ggx(n) => f.lobes(Term::Ggx, n, &[alpha, r0]),
             ModelChoice::Lafortune(n) => {
-                let lean =
-                    Nonlinear { name: "lean_deg", bounds: LEAN_DEG, scale: Scale::Linear, knots: 13 };
+                let lean = Nonlinear { name: "lean_deg", bounds: LEAN_DEG, scale: Scale::Linear, knots: 13 };
                 f.lobes(Term::Lafortune, n, &[Nonlinear { knots: 12, ..exponent }, lean]);
             }
         }
@@ -202,8 +202,10 @@ impl Family {
         self.part(Term::Lambert, &[]);
         let n = n.clamp(1, MAX_LOBES);
         for lobe in 0..n {
-            let named: Vec<Nonlinear> =
-                parameters.iter().map(|p| Nonlinear { name: names::of_lobe(p.name, lobe, n), ..*p }).collect();
+            let named: Vec<Nonlinear> = parameters
+                .iter()
+                .map(|p| Nonlinear { name: names::of_lobe(p.name, lobe, n), ..*p })
+                .collect();
             self.own(term, &named);
         }
     }

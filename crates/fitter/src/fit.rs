@@ -55,6 +55,10 @@ pub struct Fit {
     pub cells_left_out: usize,
     /// Measured − fitted per place of the table (or list), 1/sr; NaN where the cell did not take part.
     pub residuals: Vec<[f32; 3]>,
+    /// What the model cannot follow, in plain words, by the rules of the module `notes`; empty where nothing stands out.
+    pub notes: Vec<String>,
+    /// Pairs of parameters that the data hardly tell apart, with their correlation (beyond ±0.98).
+    pub inseparable: Vec<(&'static str, &'static str, f64)>,
     /// Nonlinear parameters whose interval is symmetric in the logarithm.
     pub(crate) logarithmic: Vec<&'static str>,
 }
@@ -95,9 +99,8 @@ pub fn fit(obs: &Observations, options: &Options) -> Fit {
         return fit_one(obs, options, options.model);
     }
     let with_lobe = fit_one(obs, options, ModelChoice::AshikhminShirleySimplified);
-    let seen = |name: &str| {
-        with_lobe.parameter(name).is_some_and(|p| p.sigma.is_some_and(|s| p.value > 2.0 * s))
-    };
+    let seen =
+        |name: &str| with_lobe.parameter(name).is_some_and(|p| p.sigma.is_some_and(|s| p.value > 2.0 * s));
     let lobe = ["specular_r", "specular_g", "specular_b"].into_iter().any(seen);
     // where nothing was fitted for want of data, the simpler model may still be
     let fewer = matches!(with_lobe.status, Status::TooFewData { .. });
@@ -173,6 +176,8 @@ fn empty(obs: &Observations, options: &Options, family: &Family, status: Status,
         cells_used: used,
         cells_left_out: obs.len() - used,
         residuals: vec![[f32::NAN; 3]; obs.places],
+        notes: Vec::new(),
+        inseparable: Vec::new(),
         logarithmic: Vec::new(),
     }
 }
@@ -225,7 +230,8 @@ fn finish(obs: &Observations, options: &Options, family: &Family, solved: &Solve
         })
     });
     let walked_values = family.values(&solved.q);
-    let values: Vec<f64> = walked_values.iter().copied().chain(solved.colours.iter().flatten().copied()).collect();
+    let values: Vec<f64> =
+        walked_values.iter().copied().chain(solved.colours.iter().flatten().copied()).collect();
     let common = options.common_relative_uncertainty.unwrap_or(obs.common_relative_uncertainty);
     let g: Vec<f64> = values.iter().enumerate().map(|(i, v)| if i < p { 0.0 } else { *v }).collect();
     let known =
@@ -240,7 +246,11 @@ fn finish(obs: &Observations, options: &Options, family: &Family, solved: &Solve
             if meaningless.contains(&i) {
                 return Parameter { name, value: f64::NAN, sigma: None };
             }
-            Parameter { name, value, sigma: (variance.is_finite() && variance >= 0.0).then(|| variance.sqrt()) }
+            Parameter {
+                name,
+                value,
+                sigma: (variance.is_finite() && variance >= 0.0).then(|| variance.sqrt()),
+            }
         })
         .collect();
     let status = status(family, solved, &parameters, known.condition);
@@ -252,6 +262,14 @@ fn finish(obs: &Observations, options: &Options, family: &Family, solved: &Solve
         Weights::Sigma => (weighted / (count - names.len() as f64).max(1.0)).sqrt(),
         Weights::None => (weighted / count).sqrt(),
     };
+    let mut notes = crate::notes::of_residuals(&solved.rows, &pairs);
+    if solved.rows.without_logarithm > 0 {
+        notes.push(format!(
+            "{} cells with a value at or below 0 took no part: they have no logarithm",
+            solved.rows.without_logarithm
+        ));
+    }
+    let inseparable = crate::notes::inseparable(&names, &known.covariance);
     let file = family.model(&walked_values, &solved.colours);
     Fit {
         model: file.model,
@@ -268,12 +286,9 @@ fn finish(obs: &Observations, options: &Options, family: &Family, solved: &Solve
         cells_used: solved.rows.len(),
         cells_left_out: obs.len() - solved.rows.len(),
         residuals,
-        logarithmic: family
-            .parameters
-            .iter()
-            .filter(|p| p.scale == Scale::Log)
-            .map(|p| p.name)
-            .collect(),
+        notes,
+        inseparable,
+        logarithmic: family.parameters.iter().filter(|p| p.scale == Scale::Log).map(|p| p.name).collect(),
     }
 }
 

@@ -14,7 +14,9 @@ use crate::{
 /// Fitted values of a row.
 pub(crate) fn fitted(z: &[f64; MAX_COLUMNS], layout: &Layout, colours: &[[f64; 3]]) -> [f64; 3] {
     let offset = layout.offset_column().map_or(0.0, |o| z[o]);
-    std::array::from_fn(|c| offset + colours.iter().zip(z).take(layout.terms).map(|(k, z)| k[c] * z).sum::<f64>())
+    std::array::from_fn(|c| {
+        offset + colours.iter().zip(z).take(layout.terms).map(|(k, z)| k[c] * z).sum::<f64>()
+    })
 }
 
 /// Derivatives of the fitted value of a channel by all parameters: (place, value), with how many there are. Nonlinear parameters come first, then
@@ -43,7 +45,12 @@ pub(crate) fn derivatives(
 }
 
 /// Weighted squares of the residuals.
-pub(crate) fn squares(rows: &Rows, columns: &[[f64; MAX_COLUMNS]], layout: &Layout, colours: &[[f64; 3]]) -> f64 {
+pub(crate) fn squares(
+    rows: &Rows,
+    columns: &[[f64; MAX_COLUMNS]],
+    layout: &Layout,
+    colours: &[[f64; 3]],
+) -> f64 {
     rows.rows
         .iter()
         .zip(columns)
@@ -69,9 +76,9 @@ pub(crate) fn polished(
     let mut g = DVector::<f64>::zeros(n);
     for (row, z) in rows.rows.iter().zip(columns) {
         let f = fitted(z, layout, colours);
-        for c in 0..3 {
+        for (c, fitted) in f.into_iter().enumerate() {
             let (d, count) = derivatives(z, layout, colours, c);
-            let (w, r) = (row.weight[c], row.value[c] - f[c]);
+            let (w, r) = (row.weight[c], row.value[c] - fitted);
             for &(i, a) in &d[..count] {
                 g[i] += w * r * a;
                 for &(j, b) in &d[..count] {

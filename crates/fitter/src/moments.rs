@@ -155,15 +155,15 @@ fn reduce_channel(m: &Moments, layout: &Layout, channel: usize, out: &mut Reduce
         j[parameter][o + 1] += 1.0;
     }
     let image: [[f64; MAX_COLUMNS]; MAX_PARAMETERS] = std::array::from_fn(|a| {
-        std::array::from_fn(|i| {
-            if a < p && i < n { (k..n).map(|l| j[a][l] * m.g(l, i)).sum() } else { 0.0 }
-        })
+        std::array::from_fn(|i| if a < p && i < n { (k..n).map(|l| j[a][l] * m.g(l, i)).sum() } else { 0.0 })
     });
     let active: Vec<usize> = (0..k).filter(|&i| x[i] > 0.0).collect();
     let basis = orthogonal(m, &active);
     // projections of the Jacobian on the columns
     let share: [[f64; MOST]; MAX_PARAMETERS] = std::array::from_fn(|a| {
-        std::array::from_fn(|b| basis.get(b).map_or(0.0, |q| active.iter().enumerate().map(|(s, &i)| q[s] * image[a][i]).sum()))
+        std::array::from_fn(|b| {
+            basis.get(b).map_or(0.0, |q| active.iter().enumerate().map(|(s, &i)| q[s] * image[a][i]).sum())
+        })
     });
     for a in 0..p {
         let along = (k..n).map(|l| j[a][l] * by[l]).sum::<f64>();

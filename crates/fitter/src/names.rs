@@ -19,7 +19,12 @@ pub(crate) fn of_lobe(name: &'static str, lobe: u8, count: u8) -> &'static str {
     if count < 2 {
         return name;
     }
-    OF_LOBES.iter().find(|(n, _)| *n == name).and_then(|(_, all)| all.get(lobe as usize)).copied().unwrap_or(name)
+    OF_LOBES
+        .iter()
+        .find(|(n, _)| *n == name)
+        .and_then(|(_, all)| all.get(lobe as usize))
+        .copied()
+        .unwrap_or(name)
 }
 
 /// The colours of part `part` of `parts`; `alone`: the model has one term.

@@ -28,7 +28,13 @@ pub(crate) struct Nodes {
 
 impl Nodes {
     /// For lobes up to `sharpness`, seen through a coat of a known index, if any.
-    pub(crate) fn new(obs: &Observations, rows: &Rows, sharpness: f64, index: Option<f64>, with_gloss: bool) -> Self {
+    pub(crate) fn new(
+        obs: &Observations,
+        rows: &Rows,
+        sharpness: f64,
+        index: Option<f64>,
+        with_gloss: bool,
+    ) -> Self {
         const PIECE: usize = 256;
         let parts: Vec<(Vec<Sample>, Vec<u32>)> = rows
             .rows
@@ -42,7 +48,9 @@ impl Nodes {
                         Source::Grid(grid, Meaning::CellMean { lamp_half_angle }) => {
                             let cell = grid.coordinates(d.place as usize);
                             let bounds = CellBounds::of(grid, *lamp_half_angle, cell);
-                            cell_nodes(&bounds, sharpness, &mut |w, l, v| samples.extend(Sample::new(w, l, v)));
+                            cell_nodes(&bounds, sharpness, &mut |w, l, v| {
+                                samples.extend(Sample::new(w, l, v));
+                            });
                         }
                         Source::Grid(_, Meaning::Node) => {
                             let (l, v) = d.geometry.directions();
@@ -73,10 +81,15 @@ impl Nodes {
                 .rows
                 .iter()
                 .map(|row| {
-                    let b = CellBounds::of(grid, *lamp_half_angle, grid.coordinates(row.datum.place as usize));
+                    let b =
+                        CellBounds::of(grid, *lamp_half_angle, grid.coordinates(row.datum.place as usize));
                     let s = lamp_half_angle.sin();
                     let cos = b.theta_i.cos();
-                    let level = if s > 0.0 { (std::f64::consts::PI * s * s * cos.max(gonio_optics::COS_FLOOR)).recip() } else { 0.0 };
+                    let level = if s > 0.0 {
+                        (std::f64::consts::PI * s * s * cos.max(gonio_optics::COS_FLOOR)).recip()
+                    } else {
+                        0.0
+                    };
                     (gloss_cell_mean(level, &b), cos)
                 })
                 .collect();

@@ -29,7 +29,9 @@ impl Sums<'_> {
         // most often every coefficient is positive
         if k > 0 {
             let all = [0, 1, 2, 3].map(|i| i < k);
-            if let Some(y) = self.unbounded(&all) && (0..k).all(|i| y[i] > 0.0) {
+            if let Some(y) = self.unbounded(&all)
+                && (0..k).all(|i| y[i] > 0.0)
+            {
                 return (y, self.gain(&y));
             }
         }
@@ -40,7 +42,8 @@ impl Sums<'_> {
                 .filter(|&i| !passive[i] && !barred[i] && scale(i) > 0.0)
                 .map(|i| (i, slope(i) / scale(i)))
                 .max_by(|a, b| a.1.total_cmp(&b.1));
-            let floor = 1e-14 * (0..k).filter(|&i| scale(i) > 0.0).map(|i| self.by[i].abs() / scale(i)).fold(0.0, f64::max);
+            let floor = 1e-14
+                * (0..k).filter(|&i| scale(i) > 0.0).map(|i| self.by[i].abs() / scale(i)).fold(0.0, f64::max);
             let Some((i, s)) = next else { break };
             if s.is_nan() || s <= floor {
                 break;

@@ -115,6 +115,7 @@ impl Sub for Dual {
     }
 }
 
+#[allow(clippy::suspicious_arithmetic_impl)] // the product rule is a sum
 impl Mul for Dual {
     type Output = Self;
     fn mul(self, o: Self) -> Self {
@@ -176,7 +177,8 @@ mod tests {
 
     fn formula<T: Number>(x: T, y: T) -> T {
         let (s, c) = (x * y).sin_cos();
-        (s.plus(2.0) / (c.squared().plus(1.0)) - (x.exp() * y.sqrt()).ln_1p().times(0.3)) * (-y).plus(3.0).ln()
+        (s.plus(2.0) / (c.squared().plus(1.0)) - (x.exp() * y.sqrt()).ln_1p().times(0.3))
+            * (-y).plus(3.0).ln()
     }
 
     #[test]

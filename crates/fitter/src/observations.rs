@@ -2,10 +2,7 @@
 
 use std::sync::Arc;
 
-use gonio_brdf::{
-    Flag, Grid, Meaning, Measured, Scattered, ScatteredPoint,
-    average::is_cap,
-};
+use gonio_brdf::{Flag, Grid, Meaning, Measured, Scattered, ScatteredPoint, average::is_cap};
 use gonio_optics::{Geometry, Vec3};
 
 use crate::voronoi;
@@ -148,7 +145,11 @@ impl Observations {
                     geometry: Geometry::from_directions(l, v),
                     value,
                     sigma: None,
-                    flag: if usable_direction(l) && usable_direction(v) { Flag::Measured } else { Flag::Invalid },
+                    flag: if usable_direction(l) && usable_direction(v) {
+                        Flag::Measured
+                    } else {
+                        Flag::Invalid
+                    },
                 })
                 .collect(),
         };

@@ -54,7 +54,11 @@ impl Weights {
     }
 }
 
-pub(crate) fn find<T: Copy>(all: &[(&'static str, T)], what: &'static str, found: &str) -> Result<T, UnknownName> {
+pub(crate) fn find<T: Copy>(
+    all: &[(&'static str, T)],
+    what: &'static str,
+    found: &str,
+) -> Result<T, UnknownName> {
     all.iter().find(|(name, _)| *name == found).map(|&(_, v)| v).ok_or_else(|| UnknownName {
         what,
         found: found.to_owned(),

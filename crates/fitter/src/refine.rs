@@ -60,7 +60,7 @@ pub(crate) fn refine(
         let moved: Vec<f64> = (0..n).map(|i| next[i] - q[i]).collect();
         let size = (0..n)
             .map(|i| {
-                let range = bounds.get(i).map_or(1.0, |b| (b.1 - b.0).min(10.0).max(1e-12));
+                let range = bounds.get(i).map_or(1.0, |b| (b.1 - b.0).clamp(1e-12, 10.0));
                 moved[i].abs() / range.max(1.0)
             })
             .fold(0.0, f64::max);
@@ -196,7 +196,10 @@ mod tests {
 
     #[test]
     fn numbers_that_do_not_exist_end_it() {
-        let r = refine(&[0.0], &[(-1.0, 1.0)], 50, SMALLEST_STEP, |_| Reduced { squares: f64::NAN, ..Reduced::default() });
+        let r = refine(&[0.0], &[(-1.0, 1.0)], 50, SMALLEST_STEP, |_| Reduced {
+            squares: f64::NAN,
+            ..Reduced::default()
+        });
         assert!(!r.converged);
     }
 }

@@ -53,9 +53,9 @@ pub(crate) fn reweighted(
         if options.weights == Weights::LogRelative {
             let f = joint::fitted(z, layout, colours);
             let w = if plain.solid_angle > 0.0 { row.datum.solid_angle } else { 1.0 };
-            for c in 0..3 {
+            for (c, fitted) in f.into_iter().enumerate() {
                 let y = row.datum.value[c];
-                let at = f[c].max(LEAST_SHARE * y);
+                let at = fitted.max(LEAST_SHARE * y);
                 row.value[c] = at + at * (y / at).ln();
                 row.weight[c] = w / (at * at);
             }

@@ -42,7 +42,8 @@ impl Rows {
             .collect();
         let before = chosen.len();
         if options.weights == Weights::LogRelative {
-            let mean = chosen.iter().flat_map(|d| d.value).map(f64::abs).sum::<f64>() / (3 * before).max(1) as f64;
+            let mean =
+                chosen.iter().flat_map(|d| d.value).map(f64::abs).sum::<f64>() / (3 * before).max(1) as f64;
             chosen.retain(|d| d.value.iter().all(|v| *v > LEAST_FOR_LOGARITHM * mean));
         }
         let solid_angle: f64 = chosen.iter().map(|d| d.solid_angle).sum();

@@ -197,9 +197,14 @@ mod tests {
             (
                 Term::AshikhminDiffuse,
                 [0.1, 0.0, 0.0],
-                r#"{"model":"ashikhmin-shirley","diffuse":[1,1,1],"specular":[0,0,0],"exponent":9,"r0":0.1}"#.into(),
+                r#"{"model":"ashikhmin-shirley","diffuse":[1,1,1],"specular":[0,0,0],"exponent":9,"r0":0.1}"#
+                    .into(),
             ),
-            (Term::OrenNayar, [33.0, 0.0, 0.0], r#"{"model":"oren-nayar","diffuse":[1,1,1],"sigma_deg":33}"#.into()),
+            (
+                Term::OrenNayar,
+                [33.0, 0.0, 0.0],
+                r#"{"model":"oren-nayar","diffuse":[1,1,1],"sigma_deg":33}"#.into(),
+            ),
             (Term::Phong, [21.0, 0.0, 0.0], lobe("phong", r#""exponent":21"#)),
             (Term::BlinnPhong, [80.0, 0.0, 0.0], lobe("blinn-phong", r#""exponent":80"#)),
             (Term::Ashikhmin, [120.0, 0.0, 0.0], lobe("ashikhmin-shirley-simplified", r#""exponent":120"#)),
@@ -226,7 +231,14 @@ mod tests {
     }
 
     fn geometries() -> Vec<Geometry> {
-        let angles = [(0.0, 0.0, 0.0), (30.0, 31.0, 179.0), (70.0, 65.0, 180.0), (45.0, 80.0, 20.0), (89.0, 88.0, 170.0), (5.0, 20.0, 90.0)];
+        let angles = [
+            (0.0, 0.0, 0.0),
+            (30.0, 31.0, 179.0),
+            (70.0, 65.0, 180.0),
+            (45.0, 80.0, 20.0),
+            (89.0, 88.0, 170.0),
+            (5.0, 20.0, 90.0),
+        ];
         angles.iter().map(|&(a, b, c)| Geometry::from_degrees(a, b, c)).collect()
     }
 
@@ -240,7 +252,10 @@ mod tests {
                 for (file, index) in [(&bare, None), (&coated, Some(1.5))] {
                     let got = term.value(&x, &Sample::new(1.0, l, v).unwrap().ray(index));
                     let want = file.eval(l, v)[0];
-                    assert!((got - want).abs() <= 1e-11 * want.abs() + 1e-300, "{term:?} {g:?} {index:?}: {got} {want}");
+                    assert!(
+                        (got - want).abs() <= 1e-11 * want.abs() + 1e-300,
+                        "{term:?} {g:?} {index:?}: {got} {want}"
+                    );
                 }
             }
         }
@@ -261,8 +276,7 @@ mod tests {
                     at[slot] += by;
                     term.value(&[at[0], at[1], at[2]], &sample.ray(Some(at[3])))
                 };
-                for slot in 0..SLOTS {
-                    let size = if slot == SLOTS - 1 { 1.5 } else { x[slot] };
+                for (slot, size) in [x[0], x[1], x[2], 1.5].into_iter().enumerate() {
                     if size == 0.0 {
                         continue;
                     }

@@ -9,7 +9,10 @@ use rayon::prelude::*;
 const TRUTHS: &[(&str, &str)] = &[
     ("lambert", r#"{"model":"lambert","diffuse":[0.1,0.2,0.3]}"#),
     ("phong", r#"{"model":"phong","diffuse":[0.1,0.2,0.3],"specular":[0.4,0.3,0.2],"exponent":37.0}"#),
-    ("blinn-phong", r#"{"model":"blinn-phong","diffuse":[0.1,0.2,0.3],"specular":[0.4,0.3,0.2],"exponent":80.0}"#),
+    (
+        "blinn-phong",
+        r#"{"model":"blinn-phong","diffuse":[0.1,0.2,0.3],"specular":[0.4,0.3,0.2],"exponent":80.0}"#,
+    ),
     (
         "ashikhmin-shirley-simplified",
         r#"{"model":"ashikhmin-shirley-simplified","diffuse":[0.1,0.2,0.3],"specular":[0.05,0.06,0.07],"exponent":310.0}"#,
@@ -74,8 +77,10 @@ fn node_values(truth: &ModelFile) -> Observations {
 
 fn cell_values(truth: &ModelFile, lamp_half_angle: Angle) -> Observations {
     let (grid, meaning) = (grid(), Meaning::CellMean { lamp_half_angle });
-    let values: Vec<[f64; 3]> =
-        (0..grid.len()).into_par_iter().map(|i| model_cell_mean(truth, &grid, meaning, grid.coordinates(i))).collect();
+    let values: Vec<[f64; 3]> = (0..grid.len())
+        .into_par_iter()
+        .map(|i| model_cell_mean(truth, &grid, meaning, grid.coordinates(i)))
+        .collect();
     Observations::from_grid_values(&grid, meaning, &values)
 }
 
@@ -85,7 +90,9 @@ fn difference(a: &ModelFile, b: &ModelFile) -> f64 {
     let (mut a, mut b) = (value(a), value(b));
     for v in [&mut a, &mut b] {
         if let Some(lobes) = v.get_mut("lobes").and_then(|l| l.as_array_mut()) {
-            let width = |l: &serde_json::Value| l.get("alpha").or_else(|| l.get("exponent")).unwrap().as_f64().unwrap();
+            let width = |l: &serde_json::Value| {
+                l.get("alpha").or_else(|| l.get("exponent")).unwrap().as_f64().unwrap()
+            };
             lobes.sort_by(|x, y| width(x).total_cmp(&width(y)));
         }
     }
@@ -136,7 +143,9 @@ fn every_model_comes_back_from_cell_means() {
 
 #[test]
 fn a_coat_is_fitted_over_any_model() {
-    for (name, text) in TRUTHS.iter().filter(|t| ["lambert", "ashikhmin-shirley-simplified", "ggx"].contains(&t.0)) {
+    for (name, text) in
+        TRUTHS.iter().filter(|t| ["lambert", "ashikhmin-shirley-simplified", "ggx"].contains(&t.0))
+    {
         let with_coat = text.replace(r#""model""#, r#""coat":{"index":1.53},"model""#);
         let truth = ModelFile::from_json(&with_coat).unwrap();
         let known = fit(&node_values(&truth), &Options { coat: CoatChoice::Index(1.53), ..options(name) });

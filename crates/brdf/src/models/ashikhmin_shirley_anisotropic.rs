@@ -110,6 +110,9 @@ mod tests {
         assert!((MODEL.lobe(l, v) / MODEL.lobe(v, l) - 1.0).abs() < 1e-14);
         // turned by 180° the sample looks the same, by 90° it does not
         let turned = |by: f64| MODEL.lobe(direction(50.0, 20.0 + by), direction(30.0, 210.0 + by));
-        assert!((turned(180.0) / turned(0.0) - 1.0).abs() < 1e-12 && (turned(90.0) / turned(0.0) - 1.0).abs() > 0.05);
+        assert!(
+            (turned(180.0) / turned(0.0) - 1.0).abs() < 1e-12
+                && (turned(90.0) / turned(0.0) - 1.0).abs() > 0.05
+        );
     }
 }

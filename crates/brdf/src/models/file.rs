@@ -4,8 +4,8 @@ use gonio_optics::{Angle, Vec3};
 use serde::{Deserialize, Serialize};
 
 use super::{
-    AshikhminShirley, AshikhminShirleyAnisotropic, AshikhminShirleySimplified, BlinnPhong, Coat, CookTorrance, Ggx, Lafortune, Lambert,
-    LambertAshikhminShirley, OrenNayar, Phong, Ward, WardDuer,
+    AshikhminShirley, AshikhminShirleyAnisotropic, AshikhminShirleySimplified, BlinnPhong, Coat,
+    CookTorrance, Ggx, Lafortune, Lambert, LambertAshikhminShirley, OrenNayar, Phong, Ward, WardDuer,
 };
 use crate::{Brdf, Rgb};
 

@@ -154,7 +154,9 @@ fn told(compared: &[Compared]) -> Vec<Figure> {
     let mut out =
         vec![Figure::said("materials with published parameters", count.to_string(), "86", None, count == 86)];
     for (k, (_, _, name)) in TABLES.iter().enumerate() {
-        let at = |limit: usize| median(compared.iter().map(|c| c.scale[k][limit]).filter(|x| x.is_finite()).collect());
+        let at = |limit: usize| {
+            median(compared.iter().map(|c| c.scale[k][limit]).filter(|x| x.is_finite()).collect())
+        };
         // a factor of 4, π or 4/π misread would stand out
         out.push(Figure::within(
             format!("{name}: lobe's brightness as data to 60° ask, over published, median"),
@@ -163,7 +165,13 @@ fn told(compared: &[Compared]) -> Vec<Figure> {
             1.25,
             None,
         ));
-        out.push(Figure::said("  the same with data to 80°", format!("{:.3}", at(1)), "as measured", None, true));
+        out.push(Figure::said(
+            "  the same with data to 80°",
+            format!("{:.3}", at(1)),
+            "as measured",
+            None,
+            true,
+        ));
         let published = median(compared.iter().map(|c| c.published[k]).collect());
         let colours = median(compared.iter().map(|c| c.colours[k]).collect());
         out.push(Figure::said(

@@ -117,10 +117,16 @@ pub fn adaptive_cell_mean(brdf: &dyn Brdf, grid: &Grid, meaning: Meaning, cell: 
     sum
 }
 
-/// The quadrature of [`adaptive_cell_mean`] itself: calls `visit(weight, light, view)` at every node that a lobe of this sharpness needs in
-/// the cell; the weights sum to 1. For whoever evaluates many functions in one cell.
+/// The quadrature of [`adaptive_cell_mean`]: calls `visit(weight, light, view)` at every node that a lobe of this sharpness needs in
+/// the cell; the weights sum to 1. For whoever evaluates many functions in a table: a lobe far narrower than its cell is not followed.
 pub fn cell_nodes(cell: &CellBounds, sharpness: f64, visit: &mut impl FnMut(f64, Vec3, Vec3)) {
-    Plan::everywhere(sharpness).samples(cell, visit);
+    Plan::table(sharpness).samples(cell, visit);
+}
+
+/// A quadrature of the cell that serves lobes of every sharpness up to `sharpness` at once: calls `visit(weight, light, view)` at its nodes.
+/// Far from the mirror direction few do, since narrow lobes are nothing there.
+pub fn every_lobe_nodes(cell: &CellBounds, sharpness: f64, visit: &mut impl FnMut(f64, Vec3, Vec3)) {
+    Plan::every_lobe(sharpness).samples(cell, visit);
 }
 
 /// What a measured cell holds of a model file: the mean of the model through its coat, plus the mean of the coat's gloss

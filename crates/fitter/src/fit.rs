@@ -55,6 +55,10 @@ pub struct Fit {
     pub cells_left_out: usize,
     /// Measured − fitted per place of the table (or list), 1/sr; NaN where the cell did not take part.
     pub residuals: Vec<[f32; 3]>,
+    /// What the model cannot follow, in plain words, by the rules of the module `notes`; empty where nothing stands out.
+    pub notes: Vec<String>,
+    /// Pairs of parameters that the data hardly tell apart, with their correlation (beyond ±0.98).
+    pub inseparable: Vec<(&'static str, &'static str, f64)>,
     /// Nonlinear parameters whose interval is symmetric in the logarithm.
     pub(crate) logarithmic: Vec<&'static str>,
 }
@@ -173,6 +177,8 @@ fn empty(obs: &Observations, options: &Options, family: &Family, status: Status,
         cells_used: used,
         cells_left_out: obs.len() - used,
         residuals: vec![[f32::NAN; 3]; obs.places],
+        notes: Vec::new(),
+        inseparable: Vec::new(),
         logarithmic: Vec::new(),
     }
 }
@@ -252,6 +258,14 @@ fn finish(obs: &Observations, options: &Options, family: &Family, solved: &Solve
         Weights::Sigma => (weighted / (count - names.len() as f64).max(1.0)).sqrt(),
         Weights::None => (weighted / count).sqrt(),
     };
+    let mut notes = crate::notes::of_residuals(&solved.rows, &pairs);
+    if solved.rows.without_logarithm > 0 {
+        notes.push(format!(
+            "{} cells with a value at or below 0 took no part: they have no logarithm",
+            solved.rows.without_logarithm
+        ));
+    }
+    let inseparable = crate::notes::inseparable(&names, &known.covariance);
     let file = family.model(&walked_values, &solved.colours);
     Fit {
         model: file.model,
@@ -268,6 +282,8 @@ fn finish(obs: &Observations, options: &Options, family: &Family, solved: &Solve
         cells_used: solved.rows.len(),
         cells_left_out: obs.len() - solved.rows.len(),
         residuals,
+        notes,
+        inseparable,
         logarithmic: family
             .parameters
             .iter()

@@ -19,7 +19,7 @@ impl Fit {
 
     /// The report: `status`, `at_bound` (names), `weights`, `loss`, `error`, `unweighted_error` (1/sr), `delta_e` ({all, within_15_deg, beyond_15_deg}:
     /// {mean, p95, max, cells}), `parameters` ({name: {value, sigma}}), `covariance` (rows in the order of `parameter_names`), `condition`,
-    /// `cells_used`, `cells_left_out`. Numbers that do not exist are null.
+    /// `notes` (what the model cannot follow), `inseparable` ([name, name, correlation]), `sentence`, `cells_used`, `cells_left_out`. Numbers that do not exist are null.
     #[must_use]
     pub fn to_json(&self) -> Value {
         let parameters: Map<String, Value> = self
@@ -45,6 +45,9 @@ impl Fit {
             "parameters": parameters,
             "covariance": covariance,
             "condition": number(self.condition),
+            "notes": self.notes,
+            "inseparable": self.inseparable.iter().map(|(a, b, r)| json!([a, b, number(*r)])).collect::<Vec<_>>(),
+            "sentence": self.sentence(),
             "cells_used": self.cells_used,
             "cells_left_out": self.cells_left_out,
         })

@@ -5,12 +5,13 @@ use crate::{
     direct::Columns,
     family::{Coated, Family},
     joint,
+    laplace::Transformed,
     moments::{Layout, MAX_COLUMNS, Reduced, reduce},
     nodes::Nodes,
     refine::{COARSE_STEP, Refined, SMALLEST_STEP, refine},
     reweight,
     rows::Rows,
-    start,
+    start::{self, Seen},
 };
 
 /// The minimum and all that is said about it is computed from.
@@ -40,11 +41,13 @@ struct Evaluator<'a> {
     obs: &'a Observations,
     columns: Columns<'a>,
     nodes: Option<Nodes>,
+    /// The fast way, where the family has one.
+    fast: Option<Transformed>,
 }
 
 impl<'a> Evaluator<'a> {
     fn new(obs: &'a Observations, family: &'a Family) -> Self {
-        Self { obs, columns: Columns::new(family, obs.averages()), nodes: None }
+        Self { obs, columns: Columns::new(family, obs.averages()), nodes: None, fast: None }
     }
 
     /// The nodes for a place of the walk: kept while they are enough and not far too many.
@@ -69,6 +72,9 @@ impl<'a> Evaluator<'a> {
     }
 
     fn reduced(&mut self, rows: &Rows, q: &[f64]) -> Reduced {
+        if let Some(fast) = &self.fast {
+            return reduce(&fast.moments(q), &self.columns.layout);
+        }
         self.prepare(rows, q);
         match &self.nodes {
             Some(nodes) => reduce(&self.columns.moments(rows, nodes, q), &self.columns.layout),
@@ -76,7 +82,11 @@ impl<'a> Evaluator<'a> {
         }
     }
 
+    /// Columns of every row. Of nodes and points they are exact; of means they come the way the sums did.
     fn table(&mut self, rows: &Rows, q: &[f64]) -> Vec<[f64; MAX_COLUMNS]> {
+        if let Some(fast) = self.fast.as_ref().filter(|_| self.obs.averages()) {
+            return fast.rows(q);
+        }
         self.prepare(rows, q);
         self.nodes.as_ref().map_or_else(Vec::new, |nodes| self.columns.rows(nodes, q))
     }
@@ -86,6 +96,7 @@ impl<'a> Evaluator<'a> {
 pub(crate) fn solve(obs: &Observations, options: &Options, family: &Family) -> Solved {
     let mut rows = Rows::new(obs, options);
     let mut evaluator = Evaluator::new(obs, family);
+    evaluator.fast = Transformed::new(obs, options, family, &evaluator.columns.layout, &rows);
     let bounds: Vec<(f64, f64)> = family.parameters.iter().map(crate::family::Nonlinear::walked).collect();
     let mut best = global(obs, &rows, family, &bounds, &mut evaluator);
     if options.loss != Loss::Squares || options.weights == Weights::LogRelative {
@@ -111,7 +122,11 @@ pub(crate) fn solve(obs: &Observations, options: &Options, family: &Family) -> S
             if after.is_nan() || after > before {
                 break;
             }
+            let moved = q.iter().zip(&next_q).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
             (q, colours, columns) = (next_q, next_colours, next);
+            if moved < 1e-10 {
+                break;
+            }
         }
     }
     let layout = evaluator.columns.layout.clone();
@@ -162,6 +177,10 @@ fn global(
     if family.parameters.is_empty() {
         return refine(&[], &[], 0, COARSE_STEP, |q| evaluator.reduced(rows, q));
     }
+    if let Some(fast) = &evaluator.fast {
+        let starts = start::starts(Seen::Transformed(fast), family, 8);
+        return lowest(&starts, bounds, |q| evaluator.reduced(rows, q));
+    }
     let chosen = start::representative(rows);
     let some = rows.some(&chosen);
     let count = match (lobes, family.parameters.len()) {
@@ -169,7 +188,7 @@ fn global(
         (0 | 1, _) => 5,
         _ => 8,
     };
-    let mut starts = start::starts(obs, &some, family, count);
+    let mut starts = start::starts(Seen::Rows(obs, &some), family, count);
     let partial = chosen.len() < rows.len();
     if partial && family.parameters.len() > 1 {
         let mut coarse = Evaluator::new(obs, family);
@@ -189,16 +208,34 @@ fn global(
         apart.truncate(3);
         starts = apart;
     }
+    lowest(&starts, bounds, |q| evaluator.reduced(rows, q))
+}
+
+/// The lowest of the minima that the starts lead to.
+pub(crate) fn lowest(starts: &[Vec<f64>], bounds: &[(f64, f64)], mut reduced: impl FnMut(&[f64]) -> Reduced) -> Refined {
+    // first near the minima, then into those that may be the lowest
+    let mut near: Vec<Refined> = match starts {
+        [one] => vec![Refined { q: one.clone(), at: Reduced::default(), converged: false }],
+        several => several.iter().map(|q| refine(q, bounds, STEPS, COARSE_STEP, &mut reduced)).collect(),
+    };
+    near.retain(|r| !r.at.squares.is_nan());
+    near.sort_by(|a, b| a.at.squares.total_cmp(&b.at.squares));
+    let limit = near.first().map_or(0.0, |r| 1.05 * r.at.squares);
     let mut best: Option<Refined> = None;
-    for q in &starts {
-        let r = refine(q, bounds, STEPS, SMALLEST_STEP, |q| evaluator.reduced(rows, q));
-        if best.as_ref().is_none_or(|b| r.at.squares < b.at.squares) {
+    let mut seen: Vec<Vec<f64>> = Vec::new();
+    for r in near.iter().filter(|r| r.at.squares <= limit) {
+        if seen.iter().any(|o| o.iter().zip(&r.q).all(|(a, b)| (a - b).abs() < 0.02)) {
+            continue;
+        }
+        seen.push(r.q.clone());
+        let r = refine(&r.q, bounds, STEPS, SMALLEST_STEP, &mut reduced);
+        if best.as_ref().is_none_or(|b| r.at.squares < b.at.squares || b.at.squares.is_nan()) {
             best = Some(r);
         }
     }
     best.unwrap_or_else(|| {
         let middle: Vec<f64> = bounds.iter().map(|b| 0.5 * (b.0 + b.1)).collect();
-        Refined { at: evaluator.reduced(rows, &middle), q: middle, converged: false }
+        Refined { at: reduced(&middle), q: middle, converged: false }
     })
 }
 
@@ -217,6 +254,9 @@ fn rounds(
         let columns = evaluator.table(rows, &best.q);
         let layout = evaluator.columns.layout.clone();
         *rows = reweight::reweighted(&plain, options, &columns, &layout, &best.at.colours);
+        if let Some(fast) = &mut evaluator.fast {
+            fast.reweigh(rows);
+        }
         let next = refine(&best.q, bounds, STEPS, SMALLEST_STEP, |q| evaluator.reduced(rows, q));
         if !next.at.squares.is_finite() {
             break;

@@ -11,6 +11,7 @@ use rayon::prelude::*;
 use crate::{
     Observations,
     family::{Coated, Family},
+    laplace::Transformed,
     nodes::Nodes,
     nonnegative::{MOST, Sums},
     ray::reflectance,
@@ -47,16 +48,15 @@ pub(crate) fn representative(rows: &Rows) -> Vec<(usize, f64)> {
         .collect()
 }
 
-/// A part whose parameters are its own, tried at every combination of their values.
-struct Atoms {
-    /// Parameters of each atom, in q.
-    q: Vec<Vec<f64>>,
-    /// Column of each atom.
-    columns: Vec<Vec<f64>>,
+/// What the search looks at: rows, or the sums of a transformed problem.
+#[derive(Clone, Copy)]
+pub(crate) enum Seen<'a> {
+    Rows(&'a Observations, &'a Rows),
+    Transformed(&'a Transformed),
 }
 
 /// Places to start from, best first; at most `count`.
-pub(crate) fn starts(obs: &Observations, rows: &Rows, family: &Family, count: usize) -> Vec<Vec<f64>> {
+pub(crate) fn starts(seen: Seen<'_>, family: &Family, count: usize) -> Vec<Vec<f64>> {
     let shared = shared(family);
     let grids: Vec<Vec<f64>> = shared.iter().map(|&p| family.parameters[p].grid()).collect();
     let mut found: Vec<(f64, Vec<f64>)> = Vec::new();
@@ -65,7 +65,7 @@ pub(crate) fn starts(obs: &Observations, rows: &Rows, family: &Family, count: us
         for (&p, &x) in shared.iter().zip(&choice) {
             q[p] = x;
         }
-        found.extend(at_shared(obs, rows, family, &shared, &q));
+        found.extend(at_shared(seen, family, &shared, &q));
     }
     found.sort_by(|a, b| a.0.total_cmp(&b.0));
     let steps: Vec<f64> = family
@@ -73,17 +73,13 @@ pub(crate) fn starts(obs: &Observations, rows: &Rows, family: &Family, count: us
         .iter()
         .map(|p| (p.walked().1 - p.walked().0) / (p.knots.max(2) - 1) as f64)
         .collect();
-    let mut out: Vec<Vec<f64>> = Vec::new();
-    for (_, q) in found {
-        let apart = |o: &Vec<f64>| q.iter().zip(o).zip(&steps).any(|((a, b), s)| (a - b).abs() > 1.5 * s);
-        if out.iter().all(apart) {
-            out.push(q);
-        }
-        if out.len() >= count {
-            break;
-        }
-    }
-    out
+    // lowest of its neighbourhood: no better place within a step and a half
+    let apart = |q: &[f64], o: &[f64]| q.iter().zip(o).zip(&steps).any(|((a, b), s)| (a - b).abs() > 1.5 * s);
+    (0..found.len())
+        .filter(|&i| found[..i].iter().all(|better| apart(&found[i].1, &better.1)))
+        .map(|i| found[i].1.clone())
+        .take(count)
+        .collect()
 }
 
 /// Parameters used by several parts, and the index of the coat.
@@ -114,14 +110,69 @@ fn product(axes: &[Vec<f64>]) -> Vec<Vec<f64>> {
     out
 }
 
+/// Parameters of a part that no other part uses.
+fn own(family: &Family, shared: &[usize], part: usize) -> Vec<usize> {
+    let uses = family.parts[part].uses;
+    uses.into_iter().filter(|u| *u < family.parameters.len() && !shared.contains(u)).collect()
+}
+
 /// The best combinations with the shared parameters as they stand in `q`.
-fn at_shared(obs: &Observations, rows: &Rows, family: &Family, shared: &[usize], q: &[f64]) -> Vec<(f64, Vec<f64>)> {
-    let values = family.values(q);
-    let own = |k: usize| -> Vec<usize> {
-        family.parts[k].uses.iter().copied().filter(|u| *u < family.parameters.len() && !shared.contains(u)).collect()
+fn at_shared(seen: Seen<'_>, family: &Family, shared: &[usize], q: &[f64]) -> Vec<(f64, Vec<f64>)> {
+    let searched: Vec<usize> = (0..family.parts.len()).filter(|&k| !own(family, shared, k).is_empty()).collect();
+    let (atoms, table) = match seen {
+        Seen::Rows(obs, rows) => by_rows(obs, rows, family, shared, &searched, q),
+        Seen::Transformed(t) => t.table(shared.first().and_then(|&p| q.get(p)).copied()),
     };
-    let searched: Vec<usize> = (0..family.parts.len()).filter(|&k| !own(k).is_empty()).collect();
-    let index = family.index(&values);
+    let base = family.parts.len() - searched.len();
+    let mut beam: Vec<(f64, Vec<usize>)> = vec![(table.squares(&(0..base).collect::<Vec<_>>()), Vec::new())];
+    for _ in &searched {
+        beam = extended(&beam, &table, atoms.len(), base);
+    }
+    beam.into_iter()
+        .map(|(squares, set)| {
+            let mut out = q.to_vec();
+            for (&k, &a) in searched.iter().zip(&set) {
+                for (p, &v) in own(family, shared, k).into_iter().zip(&atoms[a]) {
+                    out[p] = v;
+                }
+            }
+            (squares, out)
+        })
+        .collect()
+}
+
+/// Every combination of the beam with one atom more; the best of them.
+fn extended(beam: &[(f64, Vec<usize>)], table: &Table, atoms: usize, base: usize) -> Vec<(f64, Vec<usize>)> {
+    let mut next: Vec<(f64, Vec<usize>)> = Vec::with_capacity(beam.len() * atoms);
+    for (_, chosen) in beam {
+        for a in (0..atoms).filter(|a| !chosen.contains(a)) {
+            let mut set = chosen.clone();
+            set.push(a);
+            set.sort_unstable();
+            let mut columns = [0; MOST];
+            let k = (base + set.len()).min(MOST);
+            for (i, c) in columns.iter_mut().enumerate().take(k) {
+                *c = if i < base { i } else { base + set[i - base] };
+            }
+            next.push((table.squares(&columns[..k]), set));
+        }
+    }
+    next.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.cmp(&b.1)));
+    next.dedup_by(|a, b| a.1 == b.1);
+    next.truncate(BEAM);
+    next
+}
+
+/// Atoms and table from the rows themselves.
+fn by_rows(
+    obs: &Observations,
+    rows: &Rows,
+    family: &Family,
+    shared: &[usize],
+    searched: &[usize],
+    q: &[f64],
+) -> (Vec<Vec<f64>>, Table) {
+    let index = family.index(&family.values(q));
     let with_gloss = index.is_some();
     let levels = Levels::new(obs, rows, index);
     let column = |k: usize, q: &[f64]| -> Vec<f64> {
@@ -141,15 +192,13 @@ fn at_shared(obs: &Observations, rows: &Rows, family: &Family, shared: &[usize],
         Vec::new()
     };
     let Some(&first) = searched.first() else {
-        let problem = Table::new(rows, &fixed, &offset, fixed.len());
-        let all: Vec<usize> = (0..fixed.len()).collect();
-        return vec![(problem.squares(&all), q.to_vec())];
+        return (Vec::new(), Table::new(rows, &fixed, &offset, fixed.len()));
     };
     // lobes of one model are alike: the atoms of the first serve all
-    let places = own(first);
+    let places = own(family, shared, first);
     let axes: Vec<Vec<f64>> = places.iter().map(|&p| family.parameters[p].grid()).collect();
-    let combinations = product(&axes);
-    let columns: Vec<Vec<f64>> = combinations
+    let atoms = product(&axes);
+    let columns: Vec<Vec<f64>> = atoms
         .par_iter()
         .map(|x| {
             let mut at = q.to_vec();
@@ -159,42 +208,11 @@ fn at_shared(obs: &Observations, rows: &Rows, family: &Family, shared: &[usize],
             column(first, &at)
         })
         .collect();
-    let atoms = Atoms { q: combinations, columns };
     let base = fixed.len();
-    let all: Vec<Vec<f64>> = fixed.into_iter().chain(atoms.columns).collect();
+    let all: Vec<Vec<f64>> = fixed.into_iter().chain(columns).collect();
     // one lobe: no two atoms ever stand together
     let table = Table::new(rows, &all, &offset, if searched.len() > 1 { all.len() } else { base });
-    let mut beam: Vec<(f64, Vec<usize>)> = vec![(f64::INFINITY, Vec::new())];
-    for _ in &searched {
-        let mut next: Vec<(f64, Vec<usize>)> = beam
-            .par_iter()
-            .flat_map_iter(|(_, chosen)| {
-                let table = &table;
-                (0..atoms.q.len()).filter(|a| !chosen.contains(a)).map(move |a| {
-                    let mut set = chosen.clone();
-                    set.push(a);
-                    set.sort_unstable();
-                    let columns: Vec<usize> = (0..base).chain(set.iter().map(|a| base + a)).collect();
-                    (table.squares(&columns), set)
-                })
-            })
-            .collect();
-        next.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.cmp(&b.1)));
-        next.dedup_by(|a, b| a.1 == b.1);
-        next.truncate(BEAM);
-        beam = next;
-    }
-    beam.into_iter()
-        .map(|(squares, set)| {
-            let mut out = q.to_vec();
-            for (&k, &a) in searched.iter().zip(&set) {
-                for (p, &v) in own(k).into_iter().zip(&atoms.q[a]) {
-                    out[p] = v;
-                }
-            }
-            (squares, out)
-        })
-        .collect()
+    (atoms, table)
 }
 
 /// The rows' nodes for lobes of every sharpness, made when first asked for: per factor of four.
@@ -224,11 +242,15 @@ impl<'a> Levels<'a> {
 }
 
 /// Sums of products of all columns.
-struct Table {
-    n: usize,
-    gram: Vec<Vec<f64>>,
-    by: Vec<Vec<f64>>,
-    yy: [f64; 3],
+pub(crate) struct Table {
+    /// Columns.
+    pub n: usize,
+    /// Σ w z z', upper triangle: one for all channels or one each.
+    pub gram: Vec<Vec<f64>>,
+    /// Σ w z y per channel.
+    pub by: Vec<Vec<f64>>,
+    /// Σ w y² per channel.
+    pub yy: [f64; 3],
 }
 
 impl Table {

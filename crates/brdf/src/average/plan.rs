@@ -22,6 +22,8 @@ const MAX_DEPTH: usize = 24;
 /// Half widths of a lobe that a cell may hold before a whole grid's worth of nodes stops following it: wide cells under narrow lobes
 /// would need millions. Cells of Sopp's grid reach this at exponents near 1e5, cells of 10° near 7e4, of 30° near 8e3.
 const WIDEST: f64 = 24.0;
+/// The same for whole tables at every sharpness: cells of Sopp's grid reach it at exponents near 7e4, cells of 10° near 4e3.
+const WIDEST_IN_TABLES: f64 = 6.0;
 
 /// A quadrature for lobes of a range of exponents.
 #[derive(Clone, Copy, Debug)]
@@ -32,6 +34,10 @@ pub(crate) struct Plan {
     high: f64,
     /// Leave out boxes where the lobe is nothing.
     lobe_only: bool,
+    /// Half widths of a lobe that a cell may hold before the nodes stop following it.
+    widest: f64,
+    /// Serves every exponent up to `high`: a box far from the peak sees none but wide lobes, for the narrow ones are nothing there.
+    every: bool,
 }
 
 /// Tangential part of a half vector.
@@ -115,12 +121,27 @@ impl Plan {
     /// Nodes for a smooth part and lobes up to `sharpness`.
     pub(crate) fn everywhere(sharpness: f64) -> Self {
         let n = if sharpness.is_finite() { sharpness.clamp(4.0, 1e9) } else { 1e9 };
-        Self { low: n, high: n, lobe_only: false }
+        Self { low: n, high: n, lobe_only: false, widest: f64::INFINITY, every: false }
     }
 
     /// Nodes for lobes alone, of exponents `low` to `high`.
     pub(crate) fn lobes(low: f64, high: f64) -> Self {
-        Self { low, high, lobe_only: true }
+        Self { low, high, lobe_only: true, widest: WIDEST, every: false }
+    }
+
+    /// As [`Plan::everywhere`], for whole tables: lobes far narrower than a cell are not followed into it.
+    pub(crate) fn table(sharpness: f64) -> Self {
+        Self { widest: WIDEST_IN_TABLES, ..Self::everywhere(sharpness) }
+    }
+
+    /// Nodes that serve lobes of every exponent up to `high` at once.
+    pub(crate) fn every_lobe(high: f64) -> Self {
+        Self { low: 0.1, high, lobe_only: true, widest: WIDEST_IN_TABLES, every: true }
+    }
+
+    /// Largest exponent whose lobe is something at this distance from its peak.
+    fn highest(&self, nearest: f64) -> f64 {
+        if self.every { self.high.min((2.0 * NOTHING / (nearest * nearest)).max(4.0)) } else { self.high }
     }
 
     /// Calls `visit(weight, light, view)` at every node; the weights of a cell sum to 1 (less what was left out).
@@ -134,19 +155,20 @@ impl Plan {
         let (in_plane, across) = lamp_edges(cell);
         let (v, c) = (Box2::view(0.5 * (bin.z.0 + bin.z.1), 0.5 * (bin.phi.0 + bin.phi.1)), extent.centre);
         let deltas = [in_plane, across].map(|l| Tangent::new(l, v).minus(c));
-        if self.lobe_only {
+        if self.widest.is_finite() {
             let widest = extent.by_z.norm().max(extent.by_phi.norm()).max(1e-9);
-            let resolved = (WIDEST / widest).powi(2);
+            let resolved = (self.widest / widest).powi(2);
             if self.high > resolved {
                 let (low, high) = (self.low.min(resolved), resolved);
-                return Self { low, high, lobe_only: true }.samples(cell, visit);
+                return Self { low, high, widest: f64::INFINITY, ..*self }.samples(cell, visit);
             }
         }
         let nearest = (extent.nearest() - deltas[0].norm().max(deltas[1].norm())).max(0.0);
         if self.lobe_only && 0.5 * self.low * nearest * nearest > NOTHING {
             return;
         }
-        let k2 = deltas.map(|d| extent.change(self.high, d)).into_iter().fold(0.0, f64::max);
+        let high = self.highest(nearest);
+        let k2 = deltas.map(|d| extent.change(high, d)).into_iter().fold(0.0, f64::max);
         for (light, weight) in lamp_rule(cell, k2 * self.relief(nearest)) {
             // the kink of 1/max(n·l, n·v)
             if light.z > bin.z.0 + 1e-12 && light.z < bin.z.1 - 1e-12 {
@@ -181,11 +203,11 @@ impl Plan {
         let (kz, kp) = if nothing {
             (0.0, 0.0)
         } else {
-            let relief = self.relief(nearest);
-            let bend = 4.0 * self.high * extent.bend * extent.bend;
+            let (relief, high) = (self.relief(nearest), self.highest(nearest));
+            let bend = 4.0 * high * extent.bend * extent.bend;
             (
-                extent.change(self.high, extent.by_z) * relief,
-                (extent.change(self.high, extent.by_phi) + bend) * relief,
+                extent.change(high, extent.by_z) * relief,
+                (extent.change(high, extent.by_phi) + bend) * relief,
             )
         };
         let (nz, np) = (order(kz), order(kp));

@@ -203,6 +203,9 @@ impl Fitted {
             text += &format!("  ΔE within 15°: mean {:.2}, 95 % {:.2}, max {:.2}\n", d.mean, d.p95, d.max);
         }
         text += &format!("  {} cells, weights {}; {}\n", fit.cells_used, fit.weights.name(), fit.sentence());
+        for note in &fit.notes {
+            text += &format!("  note: {note}\n");
+        }
         if let Some(r) = &self.run {
             for s in &r.stages {
                 text += &format!(

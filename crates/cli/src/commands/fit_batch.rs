@@ -1,6 +1,6 @@
 //! `gonio fit A B C …`: many measurements on all cores, one report, one JSON object; a bad file does not stop the rest.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use gonio_render::Report;
 use gonio_render::plots::{self, Curve, Lobe};
@@ -220,6 +220,6 @@ fn to_json(a: &FitArguments, entries: &[Entry], inputs: &Inputs) -> Value {
         "fitted": entries.iter().filter(|e| e.result.is_ok()).count(),
         "failed": entries.iter().filter(|e| e.result.is_err()).count(),
         "skipped": skipped,
-        "report": a.report.as_deref().map(|p: &Path| output::shown(p)),
+        "report": a.report.as_deref().map(output::shown),
     })
 }

@@ -7,7 +7,9 @@ use std::sync::OnceLock;
 
 /// Coefficients per bin.
 pub(crate) const ORDER: usize = 8;
-/// Length of the first bin: 1 over the largest x it must serve, 8.2e3.
+/// The largest x that is served.
+pub(crate) const LARGEST: f64 = 8.2e3;
+/// Length of the first bin: 1 over the largest x it must serve.
 const FIRST: f64 = 1.22e-4;
 /// Bins at most: u up to 5e2, where e^(−x u) is nothing for every x searched.
 pub(crate) const BINS: usize = 45;

@@ -6,7 +6,7 @@ use gonio_brdf::Meaning;
 use rayon::prelude::*;
 
 use super::{
-    axis::{BINS, Exponential, ORDER, exponential},
+    axis::{BINS, Exponential, LARGEST, ORDER, exponential},
     kernel,
     measure::{self, Entry},
 };
@@ -107,6 +107,10 @@ impl Transformed {
         let alike = family.parts.iter().skip(1).all(|p| p.term == term);
         let base = matches!(family.parts.first()?.term, Term::Lambert | Term::AshikhminDiffuse);
         if !kernel::serves(term) || !alike || !base || family.coated != Coated::No {
+            return None;
+        }
+        // the bins resolve exponents up to this; sharper lobes of node values go the direct way
+        if options.exponents().1 > LARGEST {
             return None;
         }
         let (entries, start) = gather(obs, options, term, rows);

@@ -18,7 +18,11 @@ fn a_paint_without_a_coat_is_left_alone_and_says_so() {
     // asked for by name it is refused, and nothing is written
     let ran = bench.run(&["replay", "S.mcap", "-o", "forced.nc", "--clear-coat", "two-way"]);
     assert_eq!(ran.code, 1, "{}", ran.stderr);
-    assert!(ran.stderr.contains("no clear coat was found") && ran.stderr.contains("--coat-index"), "{}", ran.stderr);
+    assert!(
+        ran.stderr.contains("no clear coat was found") && ran.stderr.contains("--coat-index"),
+        "{}",
+        ran.stderr
+    );
     assert!(!bench.path("forced.nc").exists());
     let ran = bench.run(&["replay", "S.mcap", "-o", "x.nc", "--clear-coat", "none", "--coat-index", "1.5"]);
     assert_eq!(ran.code, 2, "{}", ran.stderr);
@@ -50,7 +54,18 @@ fn a_coat_of_a_given_index_is_divided_out_both_ways_and_fitted_with() {
 fn what_a_scan_was_told_of_the_coat_a_replay_does_too() {
     let bench = Bench::new();
     bench.write("paint.json", PAINT);
-    let scan = ["scan", "--instrument", "tiny", "--truth", "paint.json", "-o", "S.mcap", "--fit", "--coat-index", "1.5"];
+    let scan = [
+        "scan",
+        "--instrument",
+        "tiny",
+        "--truth",
+        "paint.json",
+        "-o",
+        "S.mcap",
+        "--fit",
+        "--coat-index",
+        "1.5",
+    ];
     bench.ok(&scan);
     bench.ok(&["replay", "S.mcap", "-o", "again.nc"]);
     assert!(bench.read("S.nc") == bench.read("again.nc"), "the replayed table differs");

@@ -161,7 +161,8 @@ const LARGEST_EXPONENT: f64 = 1e6;
 impl Options {
     /// The range of the exponent, whatever the caller asks for.
     pub(crate) fn exponents(&self) -> (f64, f64) {
-        let end = |x: f64, other: f64| if x > 0.0 { x.clamp(SMALLEST_EXPONENT, LARGEST_EXPONENT) } else { other };
+        let end =
+            |x: f64, other: f64| if x > 0.0 { x.clamp(SMALLEST_EXPONENT, LARGEST_EXPONENT) } else { other };
         let (low, high) = (end(self.exponent_range.0, 1.0), end(self.exponent_range.1, 8.1e3));
         if low < high { (low, high) } else { (1.0, LARGEST_EXPONENT) }
     }

@@ -159,7 +159,8 @@ pub(crate) fn at(
     let mut evaluator = Evaluator::new(obs, family);
     let reduced = evaluator.reduced(&rows, q);
     let terms = family.parts.len();
-    let colours = colours.map_or_else(|| reduced.colours.iter().take(terms).copied().collect(), <[_]>::to_vec);
+    let colours =
+        colours.map_or_else(|| reduced.colours.iter().take(terms).copied().collect(), <[_]>::to_vec);
     let columns = evaluator.table(&rows, q);
     let finite = reduced.squares.is_finite() && colours.iter().flatten().all(|x: &f64| x.is_finite());
     let layout = evaluator.columns.layout.clone();

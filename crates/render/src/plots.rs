@@ -20,8 +20,8 @@ mod strip;
 pub mod unfolded;
 
 pub use cells::model_table;
-pub use colour_map::ColourMapPlot;
 pub use chart::{Chart, ChartPoint};
+pub use colour_map::ColourMapPlot;
 pub use compare::{Compare, Difference, compare, compare_tables};
 pub use coverage::coverage;
 pub use flake_map::FlakeMapPlot;

@@ -81,6 +81,9 @@ fn options(tilts: &[f64]) -> Options {
 const METALLIC: AshikhminShirleySimplified =
     AshikhminShirleySimplified { diffuse: [0.06, 0.13, 0.32], specular: [0.3, 0.35, 0.4], exponent: 40.0 };
 
+/// A zone of the table: its name, its cells, and the mean colour difference it may have.
+type Zone<'a> = (&'a str, &'a dyn Fn([usize; 3], Flag) -> bool, f64);
+
 /// Colour differences of the total's cells chosen by `pick`: mean and largest.
 fn differences(m: &Measured, truth: &dyn Brdf, pick: impl Fn([usize; 3], Flag) -> bool) -> (f64, f64, usize) {
     let mut all = Vec::new();
@@ -109,7 +112,7 @@ fn a_coat_is_found_with_its_index_and_the_base_comes_out_as_it_is() {
     let m = reducer.finish();
     assert_eq!(m.attributes["clear_coat"], "two-way");
     let through = Through(&METALLIC, coat);
-    let zones: [(&str, &dyn Fn([usize; 3], Flag) -> bool, f64); 4] = [
+    let zones: [Zone<'_>; 4] = [
         ("measured", &|_, f| f == Flag::Measured, 0.3),
         ("filled", &|_, f| f == Flag::Filled, 0.6),
         ("75-85", &|c: [usize; 3], f| f == Flag::Extrapolated && m.grid.theta_o_deg[c[1]] <= 85.0, 1.0),
@@ -126,7 +129,7 @@ fn a_coat_is_found_with_its_index_and_the_base_comes_out_as_it_is() {
     // the base, where it was measured, against the base itself; T T/n² is finite up to grazing
     let base = m.base.as_ref().expect("a base");
     let mut worst = 0.0f64;
-    for i in 0..m.grid.len() {
+    for (i, have) in base.iter().enumerate() {
         let [ti, to, phi] = m.grid.coordinates(i);
         let g = m.grid.geometry(ti, to, phi);
         if m.flag[i] != Flag::Measured || g.from_mirror().degrees() < 20.0 || m.grid.theta_o_deg[to] > 70.0 {
@@ -135,7 +138,7 @@ fn a_coat_is_found_with_its_index_and_the_base_comes_out_as_it_is() {
         let (l, v) = g.directions();
         let inside = |v: Vec3| gonio_optics::fresnel::refract(v, 1.5);
         let want = METALLIC.eval(inside(l), inside(v));
-        worst = worst.max((f64::from(base[i][1]) / want[1] - 1.0).abs());
+        worst = worst.max((f64::from(have[1]) / want[1] - 1.0).abs());
     }
     assert!(worst < 0.05, "base off by {worst}");
     // what the gloss carries into a cell is there again

@@ -129,12 +129,15 @@ pub fn export(file: &ModelFile, renderer: Renderer, name: &str) -> Result<Export
     Ok(Export { text, rendered: draft.rendered, loss, notes: draft.notes })
 }
 
+/// Writes a material by its name and the comment that goes into the file.
+type Writer = Box<dyn Fn(&str, &str) -> String>;
+
 /// A material before its loss is known, which its file has to say.
 struct Draft {
     rendered: Box<dyn Brdf>,
     notes: Vec<String>,
     /// The file from the material's name and the remark it carries.
-    write: Box<dyn Fn(&str, &str) -> String>,
+    write: Writer,
 }
 
 /// A number as files hold it: what single precision can tell.

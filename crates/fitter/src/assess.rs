@@ -91,14 +91,13 @@ fn judged(obs: &Observations, options: &Options, value: &(dyn Fn(&Row) -> [f64; 
     let (mut weighted, mut squares) = (0.0, 0.0);
     let mut pairs: Vec<Pair> = Vec::with_capacity(rows.len());
     for (row, f) in rows.rows.iter().zip(&given) {
-        for c in 0..3 {
-            let y = row.datum.value[c];
-            let r = y - f[c];
+        for ((&f, y), weight) in f.iter().zip(row.datum.value).zip(row.weight) {
+            let r = y - f;
             squares += r * r;
             weighted += if options.weights == Weights::LogRelative {
-                row.weight[c] * y * y * (y / f[c].max(1e-12 * y)).ln().powi(2)
+                weight * y * y * (y / f.max(1e-12 * y)).ln().powi(2)
             } else {
-                row.weight[c] * r * r
+                weight * r * r
             };
         }
         pairs.push((row.datum.geometry.from_mirror().degrees(), row.datum.value, *f));

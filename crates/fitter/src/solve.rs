@@ -134,12 +134,15 @@ pub(crate) fn solve(obs: &Observations, options: &Options, family: &Family) -> S
     Solved { rows, layout, q, colours, columns, converged: best.converged, finite }
 }
 
+/// Lower and upper ends of what is searched.
+type SearchBox = Vec<(f64, f64)>;
+
 /// What is minimised, as a function of the nonlinear parameters alone, with the box they are sought in.
 pub(crate) fn objective<'a>(
     obs: &'a Observations,
     options: &Options,
     family: &'a Family,
-) -> (Vec<(f64, f64)>, impl Fn(&[f64]) -> f64 + 'a) {
+) -> (SearchBox, impl Fn(&[f64]) -> f64 + 'a) {
     let rows = Rows::new(obs, options);
     let evaluator = std::cell::RefCell::new(Evaluator::new(obs, family));
     let bounds = family.parameters.iter().map(crate::family::Nonlinear::walked).collect();

@@ -2,7 +2,9 @@
 //!
 //! `make figures` prints all of them, `make figures ONLY=cells` those of one group; the exit code is 1 on a miss.
 
+mod coat;
 mod demo;
+mod flake_scan;
 mod isolines;
 mod look_up;
 mod maps;
@@ -80,6 +82,8 @@ const GROUPS: &[Group] = &[
     ("exponents", paints::exponents),
     ("hard-pairs", paints::hard_pairs),
     ("replay", paints::replay),
+    ("coat", coat::figures),
+    ("flake-scan", flake_scan::figures),
     ("isolines", isolines::figures),
     ("flake-maps", maps::figures),
     ("look-up-speed", look_up::figures),

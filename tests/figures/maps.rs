@@ -107,7 +107,7 @@ fn errors(brdf: &dyn Brdf, name: &str) -> Errors {
 }
 
 /// The ratios to A with their bounds, aims and absolute values.
-fn ratios(out: &mut Vec<Figure>, name: &str, a: f64, k: [f64; 3], note: &str) {
+pub fn ratios(out: &mut Vec<Figure>, name: &str, a: f64, k: [f64; 3], note: &str) {
     for (harmonics, (error, bound)) in k.iter().zip(BOUNDS).enumerate() {
         let value = format!("{:.3} (ΔE {error:.2} of {a:.2}, aim {})", error / a, AIMS[harmonics]);
         let bounded = format!("≤ {bound}");

@@ -57,6 +57,21 @@ fn arguments(truth: &Path, output: &Path, seed: u64, reference: Vec<PathBuf>) ->
     }
 }
 
+/// Records a sample on the reference instrument, and its white reference beside it; both paths.
+pub fn record(name: &str, truth: &ModelFile, seed: u64) -> (PathBuf, PathBuf) {
+    let truth_path = path(&format!("{name}.truth.json"));
+    std::fs::write(&truth_path, truth.to_json().expect("JSON")).expect("written");
+    record_file(name, &truth_path, seed)
+}
+
+/// The same for a truth in a file, a model or a table.
+pub fn record_file(name: &str, truth: &Path, seed: u64) -> (PathBuf, PathBuf) {
+    let session = path(&format!("{name}.mcap"));
+    scan(&arguments(truth, &session, seed, Vec::new()), &Cancel::new())
+        .unwrap_or_else(|e| panic!("{name}: {e}"));
+    (session, path(&format!("{name}.white.mcap")))
+}
+
 /// Scans a paint on the reference instrument and fits it, as `gonio scan --device sim --fit` does.
 pub fn make(name: &str, truth: AshikhminShirleySimplified, seed: u64) -> Made {
     let file = ModelFile { model: Model::AshikhminShirleySimplified(truth), coat: None, fit: None };

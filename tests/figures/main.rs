@@ -3,7 +3,9 @@
 //! `make figures` prints all of them, `make figures ONLY=cells` those of one group; the exit code is 1 on a miss.
 
 mod coat;
+mod convergence;
 mod demo;
+mod fits;
 mod flake_scan;
 mod isolines;
 mod look_up;
@@ -11,6 +13,7 @@ mod maps;
 mod materials;
 mod models;
 mod multi_angle;
+mod noise;
 mod paints;
 mod published;
 mod published_tables;
@@ -76,6 +79,10 @@ const GROUPS: &[Group] = &[
     ("materials", materials::figures),
     ("published", published::figures),
     ("sopp-method", sopp_method::figures),
+    ("convergence", convergence::figures),
+    ("intervals", fits::intervals),
+    ("three-lobes", fits::three_lobes),
+    ("fit-speed", fits::speed),
     ("demo", demo::figures),
     ("paints", paints::demo_paint),
     ("cells", paints::cells),

@@ -319,11 +319,12 @@ fn squares_of_fit(rows: &[Row<'_>], f: &Fit) -> f64 {
 /// Largest relative error of the parameters.
 fn off(f: &Fit, paint: &Paint, r0: Option<f64>) -> f64 {
     let value = |n: &str| f.parameter(n).map_or(f64::NAN, |p| p.value);
-    let mut worst = (value("exponent") / paint.exponent - 1.0).abs();
+    let mut worst = 0.0f64;
     let mut also = |got: f64, want: f64| {
         let e = (got / want - 1.0).abs();
         worst = if e.is_nan() { f64::INFINITY } else { worst.max(e) };
     };
+    also(value("exponent"), paint.exponent);
     if let Some(r0) = r0 {
         also(value("r0"), r0);
     }
@@ -350,8 +351,7 @@ fn cases_of(grid: &Grid, nodes: &[Node], k: usize, paint: &Paint, r0: Option<f64
         Some(r0) => Box::new(AshikhminShirley { diffuse, specular, exponent, r0 }),
         None => Box::new(AshikhminShirleySimplified { diffuse, specular, exponent }),
     };
-    let model =
-        if full { ModelChoice::AshikhminShirley } else { ModelChoice::AshikhminShirleySimplified };
+    let model = if full { ModelChoice::AshikhminShirley } else { ModelChoice::AshikhminShirleySimplified };
     let mut out = Vec::new();
     for noise in NOISES {
         let seed = SEED + 1000 * k as u64 + (1000.0 * noise) as u64 + (1e5 * r0.unwrap_or(0.0)) as u64;

@@ -68,10 +68,7 @@ pub fn intervals() -> Vec<Figure> {
                         })
                         .collect::<Vec<_>>()
                 })
-                .reduce(
-                    || vec![0; truths.len()],
-                    |a, b| a.iter().zip(&b).map(|(a, b)| a + b).collect(),
-                );
+                .reduce(|| vec![0; truths.len()], |a, b| a.iter().zip(&b).map(|(a, b)| a + b).collect());
             let share = |n: usize, of: usize| 100.0 * n as f64 / of as f64;
             let all = share(held.iter().sum(), REPEATS as usize * truths.len());
             let each = held.iter().map(|&n| share(n, REPEATS as usize));
@@ -176,8 +173,7 @@ pub fn three_lobes() -> Vec<Figure> {
         right += usize::from(error <= 1e-3);
         errors.push(error);
         let mut rng = Noise::new(LOBES_SEED + 104_729 * k + 1);
-        let noisy: Vec<[f64; 3]> =
-            clean.iter().map(|f| f.map(|x| x * (1.0 + 0.01 * rng.normal()))).collect();
+        let noisy: Vec<[f64; 3]> = clean.iter().map(|f| f.map(|x| x * (1.0 + 0.01 * rng.normal()))).collect();
         let found = single.install(|| ready.fit(&noisy));
         let of_truth: f64 = (0..grid.len())
             .map(|i| (0..3).map(|c| area_cos2[i] * (noisy[i][c] - clean[i][c]).powi(2)).sum::<f64>())
@@ -227,9 +223,8 @@ fn shortest(rounds: usize, mut a: impl FnMut(), mut b: impl FnMut()) -> (f64, f6
         run();
         1e3 * start.elapsed().as_secs_f64()
     };
-    (0..rounds).fold((f64::INFINITY, f64::INFINITY), |best, _| {
-        (best.0.min(time(&mut a)), best.1.min(time(&mut b)))
-    })
+    (0..rounds)
+        .fold((f64::INFINITY, f64::INFINITY), |best, _| (best.0.min(time(&mut a)), best.1.min(time(&mut b))))
 }
 
 /// The simplified fit of Sopp's grid to 75°, prepared, one thread. The comparison with the crates `levenberg-marquardt` and `varpro`, on the same problem and taking

@@ -235,9 +235,14 @@ impl<'a> Levels<'a> {
         let level =
             (sharpness.max(1.0).log2() * 0.5).ceil().clamp(0.0, (self.made.len() - 1) as f64) as usize;
         match self.made.get(level) {
-            Some(slot) => slot.get_or_init(|| {
-                Nodes::new(self.obs, self.rows, (2.0 * level as f64).exp2(), self.index, false)
-            }),
+            Some(slot) => {
+                if let Some(made) = slot.get() {
+                    return made;
+                }
+                // outside the lock: a thread that waits for its part may take up another atom of the same level
+                let made = Nodes::new(self.obs, self.rows, (2.0 * level as f64).exp2(), self.index, false);
+                slot.get_or_init(|| made)
+            }
             None => NONE.get_or_init(Nodes::default),
         }
     }

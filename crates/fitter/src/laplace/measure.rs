@@ -83,8 +83,15 @@ pub(crate) struct GridEntries {
 
 impl GridEntries {
     /// The entries of one angle of incidence; cells are `to · azimuths + phi`.
+    ///
+    /// They are made outside the lock: a thread that waits for its part of them may take up another fit of the same grid, which would wait for itself.
     pub(crate) fn row(&self, ti: usize) -> &[Entry] {
-        self.rows.get(ti).map_or(&[], |slot| slot.get_or_init(|| self.make(ti)))
+        let Some(slot) = self.rows.get(ti) else { return &[] };
+        if let Some(made) = slot.get() {
+            return made;
+        }
+        let made = self.make(ti);
+        slot.get_or_init(|| made)
     }
 
     fn make(&self, ti: usize) -> Entries {

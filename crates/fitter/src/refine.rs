@@ -49,7 +49,7 @@ pub(crate) fn refine(
             converged = true;
             break;
         }
-        let Some(next) = step_within(&at, &q, bounds, free, damping) else {
+        let Some((next, cut)) = step_within(&at, &q, bounds, free, damping) else {
             damping = (damping * growth).max(1e-10);
             growth *= 2.0;
             if damping > 1e12 {
@@ -70,7 +70,8 @@ pub(crate) fn refine(
                 -moved[i] * (2.0 * at.gradient[i] + bent)
             })
             .sum();
-        if size < smallest_step || foretold <= 1e-16 * at.squares {
+        // a step that a bound cut short says nothing of how far the minimum is
+        if !cut && (size < smallest_step || foretold <= 1e-16 * at.squares) {
             converged = true;
             // the last, smallest step is taken where it does not climb
             let last = evaluate(&next);
@@ -97,14 +98,14 @@ pub(crate) fn refine(
     Refined { q, at, converged }
 }
 
-/// Where the damped step leads: up to the first bound it meets. A parameter at a bound that the step would cross stays out of it.
+/// Where the damped step leads, and whether a bound cut it short: up to the first bound it meets. A parameter at a bound that the step would cross stays out of it.
 fn step_within(
     at: &Reduced,
     q: &[f64],
     bounds: &[(f64, f64)],
     mut free: Vec<usize>,
     damping: f64,
-) -> Option<Vec<f64>> {
+) -> Option<(Vec<f64>, bool)> {
     loop {
         let step = damped(at, &free, damping)?;
         let room = |i: usize, s: f64| {
@@ -115,7 +116,7 @@ fn step_within(
         if let Some(k) = stuck {
             free.remove(k);
             if free.is_empty() {
-                return Some(q.to_vec());
+                return Some((q.to_vec(), false));
             }
             continue;
         }
@@ -133,7 +134,7 @@ fn step_within(
                 next[i] = if s > 0.0 { b.1 } else { b.0 };
             }
         }
-        return Some(next);
+        return Some((next, share < 1.0));
     }
 }
 
@@ -192,6 +193,15 @@ mod tests {
         assert!(r.converged && (r.q[0] - 1.0).abs() < 1e-8 && (r.q[1] - 1.0).abs() < 1e-8, "{r:?}");
         let r = refine(&[-1.2, 1.0], &[(-5.0, 0.5), (-5.0, 5.0)], 200, SMALLEST_STEP, valley);
         assert!((r.q[0] - 0.5).abs() < 1e-12 && (r.q[1] - 0.25).abs() < 1e-6, "{r:?}");
+    }
+
+    #[test]
+    fn a_start_a_hair_from_its_bound_is_not_taken_for_the_end() {
+        // two valleys' worth of slope: the step from here leaves through the upper bound of x, one rounding away
+        let r = refine(&[1.5 - 2.3e-16, -4.0], &[(-5.0, 1.5), (-5.0, 5.0)], 200, SMALLEST_STEP, valley);
+        assert!(r.converged && (r.q[0] - 1.0).abs() < 1e-8 && (r.q[1] - 1.0).abs() < 1e-8, "{r:?}");
+        let r = refine(&[0.5 - 1.2e-16, 4.0], &[(-5.0, 0.5), (-5.0, 5.0)], 200, SMALLEST_STEP, valley);
+        assert!(r.at.squares < 0.2501 && (r.q[0] - 0.5).abs() < 1e-12, "{r:?}");
     }
 
     #[test]

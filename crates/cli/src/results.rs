@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use gonio_acquisition::{PoseStatistics, Reducer};
 use gonio_brdf::Measured;
 use gonio_brdf::formats::{self, Loaded, Target};
-use gonio_fitter::{Fit, Options};
+use gonio_fitter::Fit;
 use gonio_instrument::{LinkStatistics, SampleRecord};
 use gonio_render::report::{Block, Fact, Section, significant};
 use serde_json::{Value, json};
@@ -88,14 +88,15 @@ pub fn write_model(path: &Path, fit: &Fit) -> Result<(), Failure> {
     write_whole(path, text.as_bytes())
 }
 
-/// Fits a table by inverse variance, the way a scan does.
+/// Fits a table by inverse variance, the way a scan does: as the surface is seen, through its coat where it has one. A fit with the coat itself takes
+/// minutes on a whole table and is left to `gonio fit --coat auto`.
 ///
 /// # Errors
 /// [`Failure::Usage`] for an unknown model.
 pub fn fit(table: &Measured, model: &str) -> Result<Fit, Failure> {
     let subject = Subject::of_table(table.clone());
     let options = fitting::options(model, None, 75.0, subject.has_sigma)?;
-    Ok(gonio_fitter::fit(&subject.observations, &Options { coat: subject.coat(), ..options }))
+    Ok(gonio_fitter::fit(&subject.observations, &options))
 }
 
 /// What a scan or a replay tells beside its table.

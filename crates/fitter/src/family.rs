@@ -168,7 +168,8 @@ impl Family {
             CoatChoice::None => {}
             CoatChoice::Index(n) => f.coated = Coated::Known(n),
             CoatChoice::Fitted => {
-                f.coated = Coated::Parameter(f.parameter(Nonlinear::log("coat_index", INDEX, 5)));
+                // of node values the sum of squares has minima at two indices half a unit apart
+                f.coated = Coated::Parameter(f.parameter(Nonlinear::log("coat_index", INDEX, 17)));
             }
         }
         f

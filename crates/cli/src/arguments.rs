@@ -399,8 +399,8 @@ pub struct FitArguments {
     /// How outliers count: squares, huber, cauchy, tukey
     #[arg(long, default_value = "squares")]
     pub loss: String,
-    /// A clear coat over the model: none, auto (the one separated from the data; slow on whole tables), fit (its index is fitted), or a refractive index such as 1.5
-    #[arg(long, default_value = "none", value_name = "COAT")]
+    /// A clear coat over the model: auto (the one separated from the data, if any), none, fit (its index is fitted), or a refractive index such as 1.5
+    #[arg(long, default_value = "auto", value_name = "COAT")]
     pub coat: String,
     /// The model.json to write; of several inputs the folder that takes NAME.model.json for each
     #[arg(short, long)]

@@ -88,14 +88,14 @@ pub fn write_model(path: &Path, fit: &Fit) -> Result<(), Failure> {
     write_whole(path, text.as_bytes())
 }
 
-/// Fits a table by inverse variance, the way a scan does: as the surface is seen, through its coat where it has one. A fit with the coat itself takes
-/// minutes on a whole table and is left to `gonio fit --coat auto`.
+/// Fits a table by inverse variance, the way a scan does: the base under its coat, where one was separated.
 ///
 /// # Errors
 /// [`Failure::Usage`] for an unknown model.
 pub fn fit(table: &Measured, model: &str) -> Result<Fit, Failure> {
     let subject = Subject::of_table(table.clone());
-    let options = fitting::options(model, None, 75.0, subject.has_sigma)?;
+    let plain = fitting::options(model, None, 75.0, subject.has_sigma)?;
+    let options = gonio_fitter::Options { coat: subject.coat(), ..plain };
     Ok(gonio_fitter::fit(&subject.observations, &options))
 }
 

@@ -6,8 +6,11 @@
 //! exponents it tries, and a mean over a cell costs what a node costs.
 
 pub(crate) mod axis;
+mod cells;
 pub(crate) mod kernel;
 pub(crate) mod measure;
 mod problem;
+mod search;
+mod sums;
 
 pub(crate) use problem::Transformed;

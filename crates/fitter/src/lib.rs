@@ -22,6 +22,7 @@ pub mod anneal;
 mod assess;
 pub mod auto;
 mod choice;
+mod coat_index;
 mod colour_error;
 mod direct;
 mod family;

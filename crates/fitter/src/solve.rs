@@ -1,7 +1,7 @@
 //! The minimum: global search, refinement, and the rounds of reweighting that robust losses and logarithms need.
 
 use crate::{
-    Loss, Observations, Options, Weights,
+    Loss, Observations, Options, Weights, coat_index,
     direct::Columns,
     family::{Coated, Family},
     joint,
@@ -33,6 +33,12 @@ pub(crate) struct Solved {
 
 /// Rounds of reweighting at most.
 const ROUNDS: usize = 60;
+/// Rounds from each of several starts, before the best goes on.
+const FEW_ROUNDS: usize = 6;
+/// Values of each parameter that a logarithmic fit starts at besides the place of the least relative squares.
+const LOGARITHM_STARTS: usize = 8;
+/// Steps of all parameters together at the end, at most.
+const POLISHES: usize = 5;
 /// Steps of a refinement at most.
 const STEPS: usize = 120;
 
@@ -99,9 +105,9 @@ pub(crate) fn solve(obs: &Observations, options: &Options, family: &Family) -> S
     let mut evaluator = Evaluator::new(obs, family);
     evaluator.fast = Transformed::new(obs, options, family, &evaluator.columns.layout, &rows);
     let bounds: Vec<(f64, f64)> = family.parameters.iter().map(crate::family::Nonlinear::walked).collect();
-    let mut best = global(obs, &rows, family, &bounds, &mut evaluator);
+    let mut best = global(obs, options, &rows, family, &bounds, &mut evaluator);
     if options.loss != Loss::Squares || options.weights == Weights::LogRelative {
-        best = rounds(&mut rows, options, &bounds, &mut evaluator, best);
+        best = reweighted(&mut rows, options, family, &bounds, &mut evaluator, best);
     }
     let terms = family.parts.len();
     let mut q = best.q;
@@ -109,22 +115,26 @@ pub(crate) fn solve(obs: &Observations, options: &Options, family: &Family) -> S
     let mut columns = evaluator.table(&rows, &q);
     let finite = best.at.squares.is_finite() && colours.iter().flatten().all(|x| x.is_finite());
     if finite {
-        // what the sums lost to rounding comes back from the residuals themselves
-        for _ in 0..3 {
+        // what the sums lost to rounding comes back from the residuals themselves; along a bent valley a step may climb before the next one falls
+        let layout = evaluator.columns.layout.clone();
+        let mut lowest = joint::squares(&rows, &columns, &layout, &colours);
+        let mut here = (q.clone(), colours.clone(), columns.clone());
+        for _ in 0..POLISHES {
             let Some((next_q, next_colours)) =
-                joint::polished(&rows, &columns, &evaluator.columns.layout, &q, &colours, &bounds)
+                joint::polished(&rows, &here.2, &layout, &here.0, &here.1, &bounds)
             else {
                 break;
             };
             let next = evaluator.table(&rows, &next_q);
-            let layout = &evaluator.columns.layout;
-            let before = joint::squares(&rows, &columns, layout, &colours);
-            let after = joint::squares(&rows, &next, layout, &next_colours);
-            if after.is_nan() || after > before {
+            let squares = joint::squares(&rows, &next, &layout, &next_colours);
+            let moved = here.0.iter().zip(&next_q).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            here = (next_q, next_colours, next);
+            if squares <= lowest {
+                lowest = squares;
+                (q, colours, columns) = here.clone();
+            } else if squares.is_nan() || squares > 100.0 * lowest {
                 break;
             }
-            let moved = q.iter().zip(&next_q).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-            (q, colours, columns) = (next_q, next_colours, next);
             if moved < 1e-10 {
                 break;
             }
@@ -173,6 +183,7 @@ pub(crate) fn at(
 /// The lowest of the refined starts.
 fn global(
     obs: &Observations,
+    options: &Options,
     rows: &Rows,
     family: &Family,
     bounds: &[(f64, f64)],
@@ -188,6 +199,9 @@ fn global(
     }
     let chosen = start::representative(rows);
     let some = rows.some(&chosen);
+    if let Some(starts) = coat_index::starts(obs, options, family, &some) {
+        return lowest(&starts, bounds, |q| evaluator.reduced(rows, q));
+    }
     let count = match (lobes, family.parameters.len()) {
         (_, 1) => 3,
         (0 | 1, _) => 5,
@@ -248,21 +262,72 @@ pub(crate) fn lowest(
     })
 }
 
-/// Rounds of working values and weights, each a least-squares fit from where the last one ended.
+/// Robust losses and logarithms: rounds from several starts, since what they minimise can have minima that plain squares have not.
+fn reweighted(
+    rows: &mut Rows,
+    options: &Options,
+    family: &Family,
+    bounds: &[(f64, f64)],
+    evaluator: &mut Evaluator<'_>,
+    first: Refined,
+) -> Refined {
+    let plain = rows.clone();
+    let mut places = vec![first];
+    if options.weights == Weights::LogRelative && options.loss == Loss::Squares {
+        // the general way is too slow for that many
+        let count = if evaluator.fast.is_some() { LOGARITHM_STARTS } else { 0 };
+        let starts = start::star(family, &places[0].q, count);
+        places.extend(starts.into_iter().map(|q| Refined {
+            at: evaluator.reduced(&plain, &q),
+            q,
+            converged: true,
+        }));
+    }
+    let several = places.len() > 1;
+    let mut best: Option<(Refined, Rows)> = None;
+    let mut ends: Vec<Vec<f64>> = Vec::new();
+    for place in places {
+        let mut own = plain.clone();
+        let mut end =
+            rounds(&plain, &mut own, options, bounds, evaluator, place, if several { 2 } else { ROUNDS });
+        let known = |q: &[f64]| ends.iter().any(|o| o.iter().zip(q).all(|(a, b)| (a - b).abs() < 0.05));
+        if several && !known(&end.q) {
+            end = rounds(&plain, &mut own, options, bounds, evaluator, end, FEW_ROUNDS);
+            ends.push(end.q.clone());
+        }
+        let lower = |b: &(Refined, Rows)| end.at.squares < b.0.at.squares || b.0.at.squares.is_nan();
+        if best.as_ref().is_none_or(lower) {
+            best = Some((end, own));
+        }
+    }
+    let Some((mut best, own)) = best else {
+        return Refined { q: Vec::new(), at: Reduced::default(), converged: false };
+    };
+    *rows = own;
+    if several {
+        best.converged = true;
+        best = rounds(&plain, rows, options, bounds, evaluator, best, ROUNDS);
+    }
+    best
+}
+
+/// At most `most` rounds of working values and weights, each a least-squares fit from where the last one ended. Of logarithms the squares at the end are those of
+/// the logarithms where the rounds came to rest.
 fn rounds(
+    plain: &Rows,
     rows: &mut Rows,
     options: &Options,
     bounds: &[(f64, f64)],
     evaluator: &mut Evaluator<'_>,
     start: Refined,
+    most: usize,
 ) -> Refined {
-    let plain = rows.clone();
     let mut best = start;
     let mut converged = false;
-    for _ in 0..ROUNDS {
+    for _ in 0..most {
         let columns = evaluator.table(rows, &best.q);
         let layout = evaluator.columns.layout.clone();
-        *rows = reweight::reweighted(&plain, options, &columns, &layout, &best.at.colours);
+        *rows = reweight::reweighted(plain, options, &columns, &layout, &best.at.colours);
         if let Some(fast) = &mut evaluator.fast {
             fast.reweigh(rows);
         }

@@ -82,6 +82,20 @@ pub(crate) fn starts(seen: Seen<'_>, family: &Family, count: usize) -> Vec<Vec<f
         .collect()
 }
 
+/// Places that differ from `q` in one parameter, which takes `count` values over its range.
+pub(crate) fn star(family: &Family, q: &[f64], count: usize) -> Vec<Vec<f64>> {
+    let mut out = Vec::new();
+    for (i, p) in family.parameters.iter().enumerate().take(q.len()) {
+        let (low, high) = p.walked();
+        for k in 0..count {
+            let mut place = q.to_vec();
+            place[i] = low + (high - low) * (k as f64 + 0.5) / count as f64;
+            out.push(place);
+        }
+    }
+    out
+}
+
 /// Parameters used by several parts, and the index of the coat.
 fn shared(family: &Family) -> Vec<usize> {
     (0..family.parameters.len())

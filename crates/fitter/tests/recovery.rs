@@ -5,6 +5,9 @@
 use std::collections::HashMap;
 use std::sync::{Mutex, OnceLock};
 
+mod noise;
+use noise::Noise;
+
 use gonio_brdf::{Flag, Grid, Meaning, Measured, average::cell_mean, models::AshikhminShirleySimplified};
 use gonio_fitter::{Fit, ModelChoice, Observations, Options, Status, Weights, fit};
 use gonio_optics::Angle;
@@ -41,22 +44,6 @@ fn lobe_means(exponent: f64) -> Vec<f64> {
                 .collect()
         })
         .clone()
-}
-
-/// A small seeded generator (SplitMix64) and Box–Muller: normal deviates without a dependency.
-struct Noise(u64);
-
-impl Noise {
-    fn uniform(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
-    }
-    fn normal(&mut self) -> f64 {
-        (-2.0 * (1.0 - self.uniform()).ln()).sqrt() * (std::f64::consts::TAU * self.uniform()).cos()
-    }
 }
 
 /// A table with noise of `relative` of the value plus `floor` in 1/sr, σ stated.

@@ -6,24 +6,11 @@
 use gonio_brdf::{Brdf, Flag, Grid, Meaning, Measured, models::AshikhminShirleySimplified};
 use gonio_fitter::{Fit, Loss, Observations, Options, Status, Weights, fit};
 
+mod noise;
+use noise::Noise;
+
 const TRUTH: AshikhminShirleySimplified =
     AshikhminShirleySimplified { diffuse: [0.1, 0.2, 0.3], specular: [0.3, 0.25, 0.2], exponent: 120.0 };
-
-/// SplitMix64 and Box–Muller.
-struct Noise(u64);
-
-impl Noise {
-    fn uniform(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
-    }
-    fn normal(&mut self) -> f64 {
-        (-2.0 * (1.0 - self.uniform()).ln()).sqrt() * (std::f64::consts::TAU * self.uniform()).cos()
-    }
-}
 
 /// Noise of 2 % of the value plus 5e-4 1/sr; `spoilt`: share of the directions that are outliers.
 fn table(spoilt: f64, seed: u64) -> Measured {

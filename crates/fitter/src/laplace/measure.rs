@@ -20,7 +20,7 @@ use crate::{ray::Sample, term::Term};
 /// Largest rate x a cell is sampled for.
 const LARGEST: f64 = 8.2e3;
 /// Grids kept.
-const KEPT: usize = 4;
+const KEPT: usize = 6;
 
 /// What one cell holds in one bin.
 #[derive(Clone, Copy, Debug)]
@@ -53,20 +53,67 @@ fn push(entries: &mut Entries, from: usize, cell: u32, (weight, u, k, m): (f64, 
     }
 }
 
-fn of_direction(entries: &mut Entries, from: usize, cell: u32, term: Term, (w, l, v): (f64, Vec3, Vec3)) {
+/// A lobe and the index of the coat it is seen through.
+type Lobe = (Term, Option<f64>);
+
+fn of_direction(
+    entries: &mut Entries,
+    from: usize,
+    cell: u32,
+    (term, index): Lobe,
+    (w, l, v): (f64, Vec3, Vec3),
+) {
     if let Some(s) = Sample::new(w, l, v)
-        && let Some((u, k, m)) = kernel::at(term, &s.ray(None))
+        && let Some((u, k, m)) = kernel::at(term, &s.ray(index))
     {
         push(entries, from, cell, (s.weight, u, k, m));
     }
 }
 
+/// The entries of one cell of a grid, by the place of its coordinates.
+fn of_cell(
+    entries: &mut Entries,
+    (grid, meaning): (&Grid, Meaning),
+    lobe: Lobe,
+    (cell, [ti, to, phi]): (u32, [usize; 3]),
+) {
+    let from = entries.len();
+    match meaning {
+        Meaning::Node => {
+            let (l, v) = grid.geometry(ti, to, phi).directions();
+            of_direction(entries, from, cell, lobe, (1.0, l, v));
+        }
+        Meaning::CellMean { lamp_half_angle } => {
+            let bounds = CellBounds::of(grid, lamp_half_angle, [ti, to, phi]);
+            every_lobe_nodes(&bounds, kernel::sharpness(lobe.0, LARGEST), &mut |w, l, v| {
+                of_direction(entries, from, cell, lobe, (w, l, v));
+            });
+            entries[from..].sort_by_key(|e| e.bin);
+        }
+    }
+}
+
+/// The entries of some cells of a grid, made for once: `cell` counts them.
+pub(crate) fn of_some(grid: &Grid, meaning: Meaning, lobe: Lobe, places: &[u32]) -> Entries {
+    places
+        .par_iter()
+        .enumerate()
+        .with_min_len(64)
+        .map(|(cell, &place)| {
+            let mut out = Entries::new();
+            of_cell(&mut out, (grid, meaning), lobe, (cell as u32, grid.coordinates(place as usize)));
+            out
+        })
+        .collect::<Vec<Entries>>()
+        .concat()
+}
+
 /// The entries of values at points.
-pub(crate) fn of_points(points: &[(Vec3, Vec3)], term: Term) -> Entries {
+pub(crate) fn of_points(points: &[(Vec3, Vec3)], lobe: Lobe) -> Entries {
     let mut out = Vec::with_capacity(points.len());
     for (cell, &(l, v)) in points.iter().enumerate() {
         let from = out.len();
-        of_direction(&mut out, from, cell as u32, term, (1.0, l, v));
+        of_direction(&mut out, from, cell as u32, lobe, (1.0, l, v));
     }
     out
 }
@@ -76,7 +123,7 @@ pub(crate) fn of_points(points: &[(Vec3, Vec3)], term: Term) -> Entries {
 pub(crate) struct GridEntries {
     grid: Grid,
     meaning: Meaning,
-    term: Term,
+    lobe: Lobe,
     limit: Angle,
     rows: Vec<OnceLock<Entries>>,
 }
@@ -105,30 +152,14 @@ impl GridEntries {
                 // the cap is one cell and enters under its first azimuth, whichever that is
                 let cap = is_cap(&self.grid, to) && matches!(self.meaning, Meaning::CellMean { .. });
                 for phi in 0..np {
-                    let (cell, from) = ((to * np + phi) as u32, out.len());
+                    let cell = (to * np + phi) as u32;
                     if cap && phi > 0 {
                         let first: Entries =
                             out.iter().filter(|e| e.cell == (to * np) as u32).copied().collect();
                         out.extend(first.into_iter().map(|e| Entry { cell, ..e }));
                         continue;
                     }
-                    match self.meaning {
-                        Meaning::Node => {
-                            let (l, v) = self.grid.geometry(ti, to, phi).directions();
-                            of_direction(&mut out, from, cell, self.term, (1.0, l, v));
-                        }
-                        Meaning::CellMean { lamp_half_angle } => {
-                            let bounds = CellBounds::of(&self.grid, lamp_half_angle, [ti, to, phi]);
-                            every_lobe_nodes(
-                                &bounds,
-                                kernel::sharpness(self.term, LARGEST),
-                                &mut |w, l, v| {
-                                    of_direction(&mut out, from, cell, self.term, (w, l, v));
-                                },
-                            );
-                            out[from..].sort_by_key(|e| e.bin);
-                        }
-                    }
+                    of_cell(&mut out, (&self.grid, self.meaning), self.lobe, (cell, [ti, to, phi]));
                 }
                 out
             })
@@ -138,13 +169,13 @@ impl GridEntries {
 }
 
 /// The entries for a grid, made or found.
-pub(crate) fn of_grid(grid: &Grid, meaning: Meaning, term: Term, limit: Angle) -> Arc<GridEntries> {
+pub(crate) fn of_grid(grid: &Grid, meaning: Meaning, (term, index): Lobe, limit: Angle) -> Arc<GridEntries> {
     static STORE: Mutex<Vec<Arc<GridEntries>>> = Mutex::new(Vec::new());
     // the two Ashikhmin–Shirley terms share their kernel
-    let term = if term == Term::AshikhminFresnel { Term::Ashikhmin } else { term };
+    let lobe = (if term == Term::AshikhminFresnel { Term::Ashikhmin } else { term }, index);
     let mut store = STORE.lock().unwrap_or_else(PoisonError::into_inner);
     let serves =
-        |e: &Arc<GridEntries>| e.term == term && e.meaning == meaning && e.limit == limit && e.grid == *grid;
+        |e: &Arc<GridEntries>| e.lobe == lobe && e.meaning == meaning && e.limit == limit && e.grid == *grid;
     if let Some(at) = store.iter().position(serves) {
         let found = store.remove(at);
         store.push(Arc::clone(&found));
@@ -154,7 +185,7 @@ pub(crate) fn of_grid(grid: &Grid, meaning: Meaning, term: Term, limit: Angle) -
         store.remove(0);
     }
     let rows = (0..grid.theta_i_deg.len()).map(|_| OnceLock::new()).collect();
-    let made = Arc::new(GridEntries { grid: grid.clone(), meaning, term, limit, rows });
+    let made = Arc::new(GridEntries { grid: grid.clone(), meaning, lobe, limit, rows });
     store.push(Arc::clone(&made));
     made
 }

@@ -385,11 +385,8 @@ fn cases_of(grid: &Grid, nodes: &[Node], k: usize, paint: &Paint, r0: Option<f64
 
 fn of_form(grid: &Grid, nodes: &[Node], form: &str, r0s: &[Option<f64>]) -> Vec<Figure> {
     let paints = paints();
-    let jobs: Vec<(usize, Option<f64>)> = [6usize, 8, 15, 16]
-        .into_iter()
-        .filter(|_| form != "simplified")
-        .flat_map(|k| r0s.iter().map(move |&r0| (k, r0)))
-        .collect();
+    let jobs: Vec<(usize, Option<f64>)> =
+        (0..paints.len()).flat_map(|k| r0s.iter().map(move |&r0| (k, r0))).collect();
     let outcomes: Vec<Outcome> =
         jobs.par_iter().flat_map_iter(|&(k, r0)| cases_of(grid, nodes, k, &paints[k], r0)).collect();
     for o in outcomes.iter().filter(|o| !o.met || o.off.is_some_and(|x| x > 1e-6)).take(40) {

@@ -3,6 +3,7 @@
 //! Data: the networks fitted to 86 MERL materials, as node values at θi by 10°, θo by 1° and 27 azimuths that close up towards the mirror
 //! plane (0.5° there), so that lobes of 1° are seen; θ ≤ 80°. Measure: Ngan et al. 2005, √(Σ w cos² θi (f − y)²/Σ w), all channels.
 
+use std::f64::consts::{FRAC_1_PI, PI};
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -17,7 +18,7 @@ use crate::Figure;
 use crate::published_tables::{Table, models, nonlinear};
 
 /// 4/π: see [`crate::published_tables`].
-const NORMALISATION: f64 = 4.0 * std::f64::consts::FRAC_1_PI;
+const NORMALISATION: f64 = 4.0 * FRAC_1_PI;
 
 fn grid() -> Grid {
     let mut phi: Vec<f64> = (0..16).map(|k| f64::from(k) * 10.0).collect();
@@ -53,6 +54,8 @@ struct Compared {
     /// With the published parameters, with their shape and the best colours, with a wrong normalisation, by our fit of the same model.
     published: [f64; 3],
     colours: [f64; 3],
+    /// Errors under other readings of the published colours: see [`READINGS`].
+    readings: [[f64; READINGS.len()]; 3],
     /// Specular colour that the data ask for at the published shape over the published one, angles up to 60° and to 80°.
     scale: [[f64; 2]; 3],
     wrong: f64,
@@ -68,6 +71,35 @@ const TABLES: [(Table, ModelChoice, &str); 3] = [
     (Table::CookTorrance, ModelChoice::CookTorrance(1), "cook-torrance"),
     (Table::Ward, ModelChoice::Ward, "ward"),
 ];
+
+/// Factors of conventions that could be mistaken: what the lobe's and the diffuse colour would be multiplied by.
+const READINGS: [(&str, f64, f64); 9] = [
+    ("as read", 1.0, 1.0),
+    ("lobe / π", FRAC_1_PI, 1.0),
+    ("lobe / 4", 0.25, 1.0),
+    ("lobe · π/4", PI / 4.0, 1.0),
+    ("lobe · 4/π", 4.0 * FRAC_1_PI, 1.0),
+    ("lobe · π", PI, 1.0),
+    ("lobe · 4", 4.0, 1.0),
+    ("diffuse / π", 1.0, FRAC_1_PI),
+    ("diffuse · π", 1.0, PI),
+];
+
+/// A model with its lobe's and its diffuse colour multiplied.
+fn scaled(model: &Model, lobe: f64, diffuse: f64) -> Model {
+    let (l, d) = (|c: [f64; 3]| c.map(|x| x * lobe), |c: [f64; 3]| c.map(|x| x * diffuse));
+    let mut model = model.clone();
+    match &mut model {
+        Model::LambertAshikhminShirley(m) => (m.diffuse, m.specular) = (d(m.diffuse), l(m.specular)),
+        Model::Ward(m) => (m.diffuse, m.specular) = (d(m.diffuse), l(m.specular)),
+        Model::CookTorrance(m) => {
+            m.diffuse = d(m.diffuse);
+            m.lobes.iter_mut().for_each(|k| k.specular = l(k.specular));
+        }
+        _ => {}
+    }
+    model
+}
 
 /// Materials of which more lobes are fitted: every so many.
 const LOBES_EVERY: usize = 6;
@@ -96,6 +128,7 @@ fn compare(obs: &Observations, name: &str, theirs: [&Model; 3], wrong: &Model, l
     Compared {
         name: name.to_owned(),
         published: theirs.map(error),
+        readings: theirs.map(|m| READINGS.map(|(_, lobe, diffuse)| error(&scaled(m, lobe, diffuse)))),
         colours,
         scale,
         wrong: error(wrong),
@@ -180,6 +213,22 @@ fn told(compared: &[Compared]) -> Vec<Figure> {
             "as measured",
             None,
             true,
+        ));
+    }
+    for (k, (_, _, name)) in TABLES.iter().enumerate() {
+        let errors: Vec<f64> = (0..READINGS.len())
+            .map(|r| median(compared.iter().map(|c| c.readings[k][r]).collect()))
+            .collect();
+        let others: Vec<String> =
+            READINGS.iter().zip(&errors).map(|((what, ..), e)| format!("{what} {e:.4}")).collect();
+        // how many materials the reading is the best of all for
+        let best = compared.iter().filter(|c| c.readings[k].iter().all(|e| c.readings[k][0] <= *e)).count();
+        out.push(Figure::said(
+            format!("{name}: median error under other readings of the published colours"),
+            format!("{}; best for {best} of {count}", others.join(", ")),
+            "as read is lowest",
+            None,
+            errors.iter().all(|e| errors[0] <= *e),
         ));
     }
     let right = median(compared.iter().map(|c| c.published[1]).collect());

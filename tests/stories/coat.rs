@@ -41,11 +41,13 @@ fn a_coat_of_a_given_index_is_divided_out_both_ways() {
     assert_eq!(json["coat"]["index"], 1.5, "{json}");
     let info = bench.ok(&["info", "c.nc", "--json"]).json();
     assert_eq!(info["attributes"]["clear_coat"], "two-way", "{info}");
-    // the model is that of the surface as it is seen, unless its coat is asked for
+    // the model is that of the base under the coat, unless the surface as it is seen is asked for
     let model: serde_json::Value = serde_json::from_slice(&bench.read("c.model.json")).expect("JSON");
-    assert!(model["coat"].is_null(), "{model}");
-    let coated = bench.ok(&["fit", "c.nc", "--coat", "auto", "--model", "lambert", "--json"]).json();
-    assert_eq!(coated["model"]["coat"]["index"], 1.5, "{coated}");
+    assert_eq!(model["coat"]["index"], 1.5, "{model}");
+    let report = String::from_utf8(bench.read("c.report.html")).expect("text");
+    assert!(report.contains("under a coat of index 1.5"), "the report does not name the coat");
+    let bare = bench.ok(&["fit", "c.nc", "--coat", "none", "--model", "lambert", "--json"]).json();
+    assert!(bare["model"]["coat"].is_null(), "{bare}");
 }
 
 #[test]

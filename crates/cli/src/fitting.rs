@@ -85,6 +85,19 @@ pub fn options(
     Ok(Options { model, weights, max_angle: Angle::from_degrees(max_angle_deg), ..Options::default() })
 }
 
+/// The model with its coat, in words.
+#[must_use]
+pub fn model_name(fit: &Fit) -> String {
+    match fit.coat {
+        Some(coat) => format!(
+            "{} under a coat of index {}",
+            fit.model.name(),
+            gonio_render::report::significant(coat.index, 4)
+        ),
+        None => fit.model.name().to_owned(),
+    }
+}
+
 /// What the status means, in plain words.
 #[must_use]
 pub fn verdict(fit: &Fit) -> String {

@@ -165,7 +165,7 @@ fn fit_section(fit: &Fit) -> Section {
     .filter_map(|(name, d)| d.map(|d| (name.to_owned(), colour_difference(d))))
     .collect();
     Section {
-        heading: format!("Fit: {}", fit.model.name()),
+        heading: format!("Fit: {}", fitting::model_name(fit)),
         intro: "No starting value was chosen: the exponent was searched over its whole range, the colours solved for.".to_owned(),
         blocks: vec![
             Block::parameters(&parameters),
@@ -187,7 +187,9 @@ fn colour_difference(d: Spread) -> ColourDifference {
 
 fn pictures(table: &Measured, fit: Option<&Fit>) -> Section {
     let budget = table.attributes.get("uncertainty_budget_relative_rms");
-    let fit = fit.map(|f| StandardFit { name: f.model.name(), brdf: f.model.brdf() });
+    let file = fit.map(Fit::to_model_file);
+    let name = fit.map(fitting::model_name).unwrap_or_default();
+    let fit = file.as_ref().map(|f| StandardFit { name: &name, brdf: f, coat: f.coat });
     Section {
         heading: "What was measured".to_owned(),
         intro: budget

@@ -34,6 +34,6 @@ fn main() -> std::io::Result<()> {
     time("ball of 256² from a table, 2 × 2 samples", &mut || sphere(&ball, &options).values.len())?;
     time("ball of 256² from the model, 2 × 2 samples", &mut || sphere(&paint, &options).values.len())?;
     time("model averaged over 25,308 cells", &mut || plots::model_table(&table, &paint, 4, 2).values.len())?;
-    let fit = Fit { name: "fit", brdf: &paint };
+    let fit = Fit { name: "fit", brdf: &paint, coat: None };
     time("all six pictures of a report", &mut || standard_figures(&table, Some(fit)).len())
 }

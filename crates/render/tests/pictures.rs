@@ -134,7 +134,7 @@ fn the_same_table_gives_the_same_pixels() {
 #[test]
 fn a_report_keeps_its_pictures_as_files_and_refuses_names_that_leave_the_folder() {
     let m = Measured::sampled(small_grid(), &PAINT);
-    let figures = standard_figures(&m, Some(Fit { name: "fit", brdf: &PAINT }));
+    let figures = standard_figures(&m, Some(Fit { name: "fit", brdf: &PAINT, coat: None }));
     let names: Vec<String> = figures.iter().map(|f| f.name.clone()).collect();
     assert_eq!(names, ["lobe", "spheres", "compare", "unfolded", "coverage", "sigma"]);
     let section =

@@ -191,8 +191,12 @@ impl Fitted {
 
     fn lines(&self) -> String {
         let fit = &self.fit;
-        let mut text =
-            format!("{} ({})\n{}", fit.model.name(), fit.status.name(), fitting::parameter_lines(fit));
+        let mut text = format!(
+            "{} ({})\n{}",
+            fitting::model_name(fit),
+            fit.status.name(),
+            fitting::parameter_lines(fit)
+        );
         if let Some(d) = fit.delta_e.beyond_15_deg {
             text += &format!(
                 "  ΔE beyond 15° of the mirror direction: mean {:.2}, 95 % {:.2}, max {:.2}\n",

@@ -101,7 +101,7 @@ fn one(a: &FitArguments, input: &str, name: String, output: Option<PathBuf>, k: 
 /// Points and curves in the plane of incidence; scattered measurements have no grid to draw.
 fn lobe(fitted: &Fitted, name: &str, k: usize) -> Option<Figure> {
     let table = fitted.subject.table.as_ref()?;
-    let curve = Curve { label: fitted.file.model.name(), brdf: fitted.file.model.brdf() };
+    let curve = Curve { label: fitted.file.model.name(), brdf: &fitted.file };
     Some(Figure {
         name: format!("lobe-{:03}", k + 1),
         picture: plots::lobe(table, &[curve], &Lobe { title: name.to_owned(), ..Lobe::default() }),

@@ -62,7 +62,12 @@ pub fn run(a: &ReplayArguments, printer: Printer) -> Result<Outcome, Failure> {
             lost: &reduced.lost,
         };
         results::write_all(&files, &reduced.table, &fit, &story)?;
-        text += &format!("{} ({})\n{}", fit.model.name(), fit.status.name(), fitting::parameter_lines(&fit));
+        text += &format!(
+            "{} ({})\n{}",
+            fitting::model_name(&fit),
+            fit.status.name(),
+            fitting::parameter_lines(&fit)
+        );
         fitted = Some(fit.to_json());
     }
     printer.result(

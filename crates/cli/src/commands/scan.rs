@@ -64,7 +64,12 @@ pub fn run(a: &ScanArguments, printer: Printer) -> Result<Outcome, Failure> {
     let r = &scanned.recorded;
     let mut text = format!("{} of {} poses in {}\n", r.poses_done, r.poses_total, a.output.display());
     if let (Some(fit), Some(files)) = (&scanned.fit, &scanned.files) {
-        text += &format!("{} ({})\n{}", fit.model.name(), fit.status.name(), fitting::parameter_lines(fit));
+        text += &format!(
+            "{} ({})\n{}",
+            fitting::model_name(fit),
+            fit.status.name(),
+            fitting::parameter_lines(fit)
+        );
         text += &scanned.coat.iter().map(|c| format!("{}\n", c.line)).collect::<String>();
         text += &format!("report: {}\n", files.report.display());
     }

@@ -1,7 +1,10 @@
 //! What every measurement's report shows: the standard pictures with their words, and colour differences by distance from the mirror
 //! direction.
 
-use gonio_brdf::{Brdf, Flag, Measured};
+use gonio_brdf::{
+    Brdf, Coat, Flag, Meaning, Measured,
+    average::{CellBounds, gloss_cell_mean},
+};
 use gonio_optics::colour;
 
 use super::number::significant;
@@ -16,8 +19,10 @@ use crate::sphere::{KnownCells, Spheres, spheres};
 pub struct Fit<'a> {
     /// As legends and captions call it.
     pub name: &'a str,
-    /// The model.
+    /// The model, seen through its coat if it has one.
     pub brdf: &'a dyn Brdf,
+    /// The coat, whose gloss depends on the lamp and is no part of `brdf`.
+    pub coat: Option<Coat>,
 }
 
 /// The standard pictures of a table, and of its fit where there is one, in reading order. Names are the PNG files' names:
@@ -38,6 +43,9 @@ pub fn standard_figures(table: &Measured, fit: Option<Fit<'_>>) -> Vec<Figure> {
 fn lobe(table: &Measured, fit: Option<Fit<'_>>) -> Figure {
     let curves: Vec<Curve<'_>> = fit.iter().map(|f| Curve { label: f.name, brdf: f.brdf }).collect();
     let lines = match fit {
+        Some(f) if f.coat.is_some() => {
+            format!(" Lines: {}, without the gloss, averaged over the same bins and lamp.", f.name)
+        }
         Some(f) => format!(" Lines: {}, averaged over the same bins and lamp.", f.name),
         None => String::new(),
     };
@@ -67,7 +75,8 @@ fn balls(table: &Measured, fit: Fit<'_>) -> Figure {
         name: "spheres".into(),
         picture: c.picture,
         caption: format!(
-            "A ball rendered from the data and from the fit, and their CIEDE2000 over the lit pixels. {}.",
+            "A ball rendered from the data and from the fit{}, and their CIEDE2000 over the lit pixels. {}.",
+            if fit.coat.is_some() { " (which shows no gloss of the coat)" } else { "" },
             if said.is_empty() { "Nothing could be compared".into() } else { said.join("; ") }
         ),
         alt: format!("Two rendered balls and a map of their colour difference. {}", said.join("; ")),
@@ -75,7 +84,10 @@ fn balls(table: &Measured, fit: Fit<'_>) -> Figure {
 }
 
 fn compared(table: &Measured, fit: Fit<'_>) -> Figure {
-    let model = plots::model_table(table, fit.brdf, 4, 2);
+    let mut model = plots::model_table(table, fit.brdf, 4, 2);
+    if let Some(coat) = fit.coat {
+        add_gloss(&mut model, &coat);
+    }
     let options = Compare { difference: Difference::DeltaE, ..Compare::default() };
     Figure {
         name: "compare".into(),
@@ -86,6 +98,18 @@ fn compared(table: &Measured, fit: Fit<'_>) -> Figure {
             fit.name
         ),
         alt: "Three unfolded maps: measured colours, colour difference, model colours.".into(),
+    }
+}
+
+/// The gloss of a coat, averaged over bins and lamp; node values have none.
+fn add_gloss(table: &mut Measured, coat: &Coat) {
+    let Meaning::CellMean { lamp_half_angle } = table.meaning else { return };
+    for i in 0..table.values.len() {
+        let bounds = CellBounds::of(&table.grid, lamp_half_angle, table.grid.coordinates(i));
+        let gloss = gloss_cell_mean(coat.gloss_level(bounds.theta_i.cos(), lamp_half_angle), &bounds);
+        for f in &mut table.values[i] {
+            *f += gloss as f32;
+        }
     }
 }
 
@@ -187,6 +211,30 @@ mod tests {
         assert!(beyond.max == 0.0, "{beyond:?}");
         // 16 angles of incidence, 31 of view, 36 azimuths, less the two that were spoilt
         assert_eq!(within.cells + beyond.cells, 16 * 31 * 36 - 2);
+    }
+
+    #[test]
+    fn the_gloss_of_a_coat_is_drawn_where_the_lamp_mirrors() {
+        let coat = Coat { index: 1.5 };
+        let lamp_half_angle = gonio_optics::Angle::from_degrees(0.5);
+        let black = Lambert { diffuse: [0.0; 3] };
+        let like = Measured::empty(Grid::sopp(), Meaning::CellMean { lamp_half_angle });
+        let mut drawn = plots::model_table(&like, &black, 2, 1);
+        add_gloss(&mut drawn, &coat);
+        let g = &drawn.grid;
+        // over the hemisphere the gloss reflects what Fresnel says: Σ f cos θo dω = F(45°)
+        let flux: f64 = (0..g.theta_o_deg.len())
+            .flat_map(|o| (0..g.phi_deg.len()).map(move |p| (o, p)))
+            .map(|(o, p)| {
+                let f = f64::from(drawn.values[g.index(9, o, p)][1]);
+                // half of the azimuths are in the table
+                2.0 * f * g.theta_o_deg[o].to_radians().cos() * g.solid_angle(o, p)
+            })
+            .sum();
+        let fresnel = gonio_optics::fresnel::dielectric(45f64.to_radians().cos(), 1.5);
+        assert!((flux / fresnel - 1.0).abs() < 0.03, "{flux} {fresnel}");
+        let at = |o: usize, p: usize| drawn.values[g.index(9, o, p)][1];
+        assert!(at(18, 35) > 10.0 && at(18, 0) == 0.0 && at(10, 35) == 0.0);
     }
 
     #[test]

@@ -21,6 +21,7 @@ pub mod report;
 pub mod results;
 pub mod rig;
 pub mod scanning;
+pub mod scenes;
 pub mod signals;
 
 use std::ffi::OsString;

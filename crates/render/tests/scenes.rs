@@ -14,7 +14,7 @@ fn scene(body: &str) -> Scene {
     Scene::build(&file, std::path::Path::new(".")).unwrap_or_else(|e| panic!("{e}"))
 }
 
-fn picture(scene: &Scene, brdf: &dyn Brdf, options: RenderOptions<'_>) -> gonio_render::sphere::LinearImage {
+fn picture(scene: &Scene, brdf: &dyn Brdf, options: RenderOptions<'_>) -> sphere::LinearImage {
     render(scene, &scene.views[0], Paint { brdf, gloss: None }, options).unwrap()
 }
 

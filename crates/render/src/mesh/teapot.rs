@@ -147,21 +147,20 @@ fn point(p: &Patch, u: f64, v: f64) -> Vec3 {
 
 /// Unit normal that looks out of the pot. At poles, where one tangent vanishes, it is taken a little inside the patch.
 fn normal(p: &Patch, tube: bool, u: f64, v: f64) -> Vec3 {
-    let h = 1e-4;
-    let (u, v) = (u.clamp(2.0 * h, 1.0 - 2.0 * h), v.clamp(2.0 * h, 1.0 - 2.0 * h));
-    let n = (point(p, u + h, v) - point(p, u - h, v)).cross(point(p, u, v + h) - point(p, u, v - h)).normalized();
-    let here = point(p, u, v);
-    // the middle of the part: its axis for bodies of revolution, the tube's middle for handle and spout
-    let outwards = if tube {
-        let bu = bernstein(u);
-        let mut middle = Vec3::ZERO;
-        for (row, w) in p.iter().zip(bu) {
-            middle = middle + (row[0] + row[3]) * (0.5 * w);
-        }
-        here - middle
-    } else {
-        // seen from within the belly; the lid's underside and the rim's inside do not exist
-        here - Vec3::new(0.0, 0.0, if here.z > 2.6 { 2.6 } else { 1.2 })
+    let across = |u: f64, v: f64| {
+        let h = 1e-4;
+        let (u, v) = (u.clamp(2.0 * h, 1.0 - 2.0 * h), v.clamp(2.0 * h, 1.0 - 2.0 * h));
+        (point(p, u + h, v) - point(p, u - h, v)).cross(point(p, u, v + h) - point(p, u, v - h)).normalized()
     };
-    if n.dot(outwards) < 0.0 { -n } else { n }
+    let n = across(u, v);
+    if !tube {
+        // outlines run from the inner lip over the outside to the foot, quarters turn to the left: this is outwards everywhere
+        return n;
+    }
+    // of a tube the middle of the patch tells which side is out; its lip turns inwards
+    let mut middle = Vec3::ZERO;
+    for (row, w) in p.iter().zip(bernstein(0.5)) {
+        middle = middle + (row[0] + row[3]) * (0.5 * w);
+    }
+    if across(0.5, 0.5).dot(point(p, 0.5, 0.5) - middle) < 0.0 { -n } else { n }
 }

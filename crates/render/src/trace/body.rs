@@ -129,7 +129,7 @@ impl Body {
             }
             Kind::Mesh(t) => {
                 let ray = Ray::new(single(origin), single(direction), 0.0, distance as f32);
-                !t.bvh.ray_traverse_miss(ray, |ray, id| t.triangles[id].intersect(ray))
+                !t.bvh.ray_traverse_miss(ray, |ray, id| meet(&t.triangles[id], ray))
             }
         }
     }
@@ -152,7 +152,7 @@ impl Tree {
     fn hit(&self, origin: Vec3, direction: Vec3) -> Option<Hit> {
         let ray = Ray::new_inf(single(origin), single(direction));
         let mut found = RayHit::none();
-        if !self.bvh.ray_traverse(ray, &mut found, |ray, id| self.triangles[id].intersect(ray)) {
+        if !self.bvh.ray_traverse(ray, &mut found, |ray, id| meet(&self.triangles[id], ray)) {
             return None;
         }
         let corners = *self.mesh.triangles.get(*self.places.get(found.primitive_id as usize)? as usize)?;
@@ -167,8 +167,8 @@ impl Tree {
         let distance = -from.dot(across) / det;
         let turned = from.cross(direction);
         // barycentric weights of the second and third corner, kept on the face against rounding
-        let u = (-e2.dot(turned) / -det).clamp(0.0, 1.0);
-        let v = (e1.dot(turned) / -det).clamp(0.0, 1.0 - u);
+        let u = (-e2.dot(turned) / det).clamp(0.0, 1.0);
+        let v = (e1.dot(turned) / det).clamp(0.0, 1.0 - u);
         let position = a + e1 * u + e2 * v;
         let [na, nb, nc] = corners.map(|i| self.mesh.normals[i as usize]);
         let meant = (na * (1.0 - u - v) + nb * u + nc * v).normalized();
@@ -177,6 +177,24 @@ impl Tree {
         let normal = if meant.dot(geometric) < 0.0 { -meant } else { meant };
         Some(Hit { distance, position, geometric, normal })
     }
+}
+
+/// Barycentric weights may fall this far below 0: rays between two faces must not slip through the rounding.
+const SEAM: f32 = 1e-5;
+
+/// Distance at which a ray meets a triangle from either side (Möller and Trumbore 1997), infinite where it does not.
+fn meet(t: &Triangle, ray: &Ray) -> f32 {
+    let (e1, e2) = (t.v1 - t.v0, t.v2 - t.v0);
+    let p = ray.direction.cross(e2);
+    let inverse = 1.0 / e1.dot(p);
+    let from = ray.origin - t.v0;
+    let u = from.dot(p) * inverse;
+    let q = from.cross(e1);
+    let v = ray.direction.dot(q) * inverse;
+    let distance = e2.dot(q) * inverse;
+    // a face seen edge-on gives no number, and no hit
+    let inside = u >= -SEAM && v >= -SEAM && u + v <= 1.0 + SEAM;
+    if inside && distance >= ray.tmin && distance <= ray.tmax { distance } else { f32::INFINITY }
 }
 
 fn single(v: Vec3) -> Vec3A {

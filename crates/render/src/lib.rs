@@ -16,6 +16,7 @@ pub mod picture;
 pub mod plots;
 pub mod report;
 pub mod scene;
+pub mod shaders;
 pub mod sphere;
 pub mod trace;
 

@@ -1,13 +1,20 @@
 """Renders a sphere under one distant light, and optionally a constant surrounding, with Mitsuba 3 and prints the pixels as one JSON object.
 
 Argument: a JSON file {"bsdf": path of an exported material, "size": [w, h], "samples": n, "from": [x, y, z], "field_of_view_deg": d, "towards": [x, y, z],
-"surrounding": radiance or 0, "variant": name, "timed": rounds}. One variant a process: a back end that does not fit the machine may end it.
+"surrounding": radiance or 0, "variant": name, "timed": rounds, "cores": number or 0}. One variant a process: a back end that does not fit the machine may end it.
 Exit code 77 where the package is missing.
 """
 
 import json
+import os
 import sys
 import time
+
+with open(sys.argv[1], encoding="utf-8") as f:
+    JOB = json.load(f)
+if JOB.get("cores"):
+    # before the renderer counts them
+    os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[: JOB["cores"]])
 
 try:
     import numpy as np
@@ -49,10 +56,8 @@ def scene(job):
     return mi.load_dict(whole)
 
 
-def main(path):
+def main(job):
     """Renders once for the pixels and to warm up, then for the time."""
-    with open(path, encoding="utf-8") as f:
-        job = json.load(f)
     mi.set_variant(job["variant"])
     made = scene(job)
     pixels = np.array(mi.render(made))
@@ -64,4 +69,4 @@ def main(path):
     print(json.dumps({"pixels": pixels[:, :, :4].reshape(-1, 4).tolist(), "seconds": seconds}))
 
 
-main(sys.argv[1])
+main(JOB)

@@ -221,7 +221,7 @@ impl Told<'_> {
                 let observations = judged.observations().ok_or_else(|| fail("nothing to fit".to_owned()))?;
                 let wanted = gonio_fitter::Options { model, max_angle: options.build.largest, ..Default::default() };
                 let file = gonio_fitter::fit(&observations, &wanted).to_model_file();
-                written("paint.model.json", file.to_json().as_bytes())
+                written("paint.model.json", file.to_json().map_err(|e| fail(e.to_string()))?.as_bytes())
             }
         }
     }

@@ -31,7 +31,7 @@ pub enum Command {
     Demo(DemoArguments),
     /// Scan a sample or a reference and record the session
     #[command(
-        after_help = "Examples:\n  gonio scan --device sim --truth paint.json -o S.mcap --fit\n  gonio scan --device serial:/dev/ttyUSB0 --camera sim:cam.sock --kind white --certificate W7.json -o white.mcap\n  gonio scan --device sim -o S.mcap --resume      go on after an interruption"
+        after_help = "Examples:\n  gonio scan --device sim --truth paint.json -o S.mcap --fit\n  gonio scan --device serial:/dev/ttyUSB0 --camera sim:cam.sock --kind white --certificate W7.json -o white.mcap\n  gonio scan --device sim -o S.mcap --fit --scene product.toml      no more poses than the scene needs\n  gonio scan --device sim -o S.mcap --resume      go on after an interruption"
     )]
     Scan(ScanArguments),
     /// Recompute the BRDF from a recorded session
@@ -257,6 +257,12 @@ pub struct ScanArguments {
     /// Plan, TOML; by default the one of the instrument
     #[arg(long)]
     pub plan: Option<PathBuf>,
+    /// Adaptive, with --fit: after each pose the next is the one that this scene's pictures ask for most, until --max-delta-e is expected
+    #[arg(long, requires = "fit", conflicts_with = "resume")]
+    pub scene: Option<PathBuf>,
+    /// With --scene: mean colour difference (CIEDE2000) of its pixels that will do
+    #[arg(long, default_value_t = 1.0)]
+    pub max_delta_e: f64,
     /// What is measured
     #[arg(long, value_enum, default_value = "sample")]
     pub kind: Kind,

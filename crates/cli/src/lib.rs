@@ -3,6 +3,7 @@
 //! Commands put the rooms together and speak to people; what they compute is computed elsewhere. This is the only crate (with the
 //! tests) that knows both the simulator and the driver.
 
+pub mod adaptive;
 pub mod arguments;
 pub mod batch_inputs;
 pub mod candidates;

@@ -4,10 +4,12 @@ use std::fmt::Write;
 use std::path::Path;
 
 use gonio_acquisition::{coat::flake_fill, fill};
-use gonio_brdf::{Brdf, Coat, Measured};
+use gonio_brdf::formats::Loaded;
+use gonio_brdf::{Brdf, Coat, Flag, Measured};
 use gonio_optics::Geometry;
 use gonio_render::Scene;
 use gonio_render::trace::{Gathered, gather};
+use gonio_tailor::{Material, Options, body_of};
 
 use crate::outcome::Failure;
 
@@ -61,4 +63,21 @@ pub fn fill_as_a_scan(m: &mut Measured) {
         Some(index) if flake_fill::fill(m, &Coat { index }, limit).is_ok() => {}
         _ => fill::fill(m, limit),
     }
+}
+
+/// The measured cells alone, without the gloss of a coat that was separated: what was filled is not known.
+#[must_use]
+pub fn measured_body(table: &Measured) -> Measured {
+    let index = table.attributes.get("coat_index").and_then(|s| s.parse().ok()).unwrap_or(1.0);
+    let material = Material::new("scan", Loaded::Table(Box::new(table.clone())));
+    let body = body_of(&material, &Options::new(index)).ok().and_then(|b| b.0);
+    let mut out = body.as_ref().and_then(Material::table).unwrap_or(table).clone();
+    (out.base, out.base_single_pass, out.node) = (None, None, None);
+    for (flag, value) in out.flag.iter_mut().zip(&mut out.values) {
+        if *flag != Flag::Measured {
+            *flag = Flag::Invalid;
+            *value = [0.0; 3];
+        }
+    }
+    out
 }

@@ -128,7 +128,7 @@ fn next(a: &PlanArguments, instrument: &gonio_instrument::Description, printer: 
         })
     };
     let left: Vec<f64> = instrument.plan.tilt_deg.iter().copied().filter(|t| !visited(*t)).collect();
-    let said = next_pose(&scene, &rows_alone(table), &left, &scenes::fill_as_a_scan);
+    let said = next_pose(&scene, &scenes::measured_body(table), &left, &scenes::fill_as_a_scan);
     let bound = a.max_delta_e.unwrap_or(1.0);
     let enough = said.expected <= bound;
     let seen = reach(&scene, instrument);
@@ -150,16 +150,4 @@ fn next(a: &PlanArguments, instrument: &gonio_instrument::Description, printer: 
         }),
     );
     Ok(Outcome::Done)
-}
-
-/// The measured cells alone: what was filled is not known.
-fn rows_alone(table: &Measured) -> Measured {
-    let mut out = Measured { base: None, base_single_pass: None, node: None, ..table.clone() };
-    for (flag, value) in out.flag.iter_mut().zip(&mut out.values) {
-        if *flag != gonio_brdf::Flag::Measured {
-            *flag = gonio_brdf::Flag::Invalid;
-            *value = [0.0; 3];
-        }
-    }
-    out
 }

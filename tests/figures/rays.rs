@@ -19,8 +19,10 @@ const SAMPLES: u32 = 32;
 
 pub fn figures() -> Vec<Figure> {
     let folder = tempfile::tempdir().unwrap_or_else(|e| panic!("{e}"));
-    let file = ModelFile::from_json(r#"{"model":"ward-duer","diffuse":[0.1,0.1,0.1],"specular":[0.3,0.2,0.1],"alpha":0.2}"#)
-        .unwrap_or_else(|e| panic!("{e}"));
+    let file = ModelFile::from_json(
+        r#"{"model":"ward-duer","diffuse":[0.1,0.1,0.1],"specular":[0.3,0.2,0.1],"alpha":0.2}"#,
+    )
+    .unwrap_or_else(|e| panic!("{e}"));
     let exported = export(&file, Renderer::Mitsuba, "ball").unwrap_or_else(|e| panic!("{e}"));
     let material = folder.path().join("ball.xml");
     std::fs::write(&material, &exported.text).unwrap_or_else(|e| panic!("{e}"));
@@ -29,14 +31,19 @@ pub fn figures() -> Vec<Figure> {
          [[light]]\nkind = \"directional\"\ntowards = [-0.8, 0.33, 0.5]\n[[light]]\nkind = \"environment\"\nsky = \"uniform\"\nradiance = [0.2, 0.2, 0.2]\n",
         SIZE[0], SIZE[1]
     );
-    let scene = SceneFile::from_toml(&text, "ball").and_then(|f| Scene::build(&f, folder.path())).unwrap_or_else(|e| panic!("{e}"));
+    let scene = SceneFile::from_toml(&text, "ball")
+        .and_then(|f| Scene::build(&f, folder.path()))
+        .unwrap_or_else(|e| panic!("{e}"));
     let count = f64::from(SIZE[0] * SIZE[1] * SAMPLES);
     let mut out = Vec::new();
     for threads in [1usize, 2] {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap_or_else(|e| panic!("{e}"));
+        let pool =
+            rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap_or_else(|e| panic!("{e}"));
         let one = || {
             let begun = Instant::now();
-            let _ = pool.install(|| render(&scene, &scene.views[0], Paint { brdf: &file, gloss: None }, RenderOptions::default()));
+            let _ = pool.install(|| {
+                render(&scene, &scene.views[0], Paint { brdf: &file, gloss: None }, RenderOptions::default())
+            });
             begun.elapsed().as_secs_f64()
         };
         one();
@@ -58,7 +65,13 @@ pub fn figures() -> Vec<Figure> {
         let mine = least(&ours);
         let rate = format!("{:.2} million a second", count / mine / 1e6);
         if theirs.is_empty() {
-            out.push(Figure::said(format!("camera samples, {threads} thread(s), Mitsuba did not run"), rate, "stated", None, true));
+            out.push(Figure::said(
+                format!("camera samples, {threads} thread(s), Mitsuba did not run"),
+                rate,
+                "stated",
+                None,
+                true,
+            ));
         }
         for (variant, seconds) in theirs {
             out.push(Figure::said(

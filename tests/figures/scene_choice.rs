@@ -2,11 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use gonio_brdf::formats::{self, Loaded};
 use gonio_brdf::ModelFile;
+use gonio_brdf::formats::{self, Loaded};
 use gonio_render::Scene;
 use gonio_render::trace::gather;
-use gonio_tailor::{ChoiceOptions, Material, Options, Representation, Statistic, choose, pixel_differences, spread};
+use gonio_tailor::{
+    ChoiceOptions, Material, Options, Representation, Statistic, choose, pixel_differences, spread,
+};
 
 use crate::Figure;
 
@@ -42,7 +44,8 @@ pub fn figures() -> Vec<Figure> {
         for file in ["product.toml", "car.toml", "turntable.toml"] {
             let chosen_on = gather(&scene(file).smaller(96, 4), 60.0, true).unwrap_or_else(|e| panic!("{e}"));
             // other pixels, other samples
-            let judged_on = gather(&scene(file).smaller(131, 5), 60.0, true).unwrap_or_else(|e| panic!("{e}"));
+            let judged_on =
+                gather(&scene(file).smaller(131, 5), 60.0, true).unwrap_or_else(|e| panic!("{e}"));
             let options = ChoiceOptions {
                 build: Options::new(material.stated_index().unwrap_or(1.5)),
                 candidates: Representation::all().collect(),
@@ -66,7 +69,8 @@ pub fn figures() -> Vec<Figure> {
             let Some(brdf) = body.as_ref().unwrap_or(&material).brdf() else { continue };
             let reference = judged_on.pictures(&|l, v, o| {
                 for ((l, v), o) in l.iter().zip(v).zip(o) {
-                    let double = |d: &[f32; 3]| gonio_optics::Vec3::new(d[0].into(), d[1].into(), d[2].into());
+                    let double =
+                        |d: &[f32; 3]| gonio_optics::Vec3::new(d[0].into(), d[1].into(), d[2].into());
                     *o = brdf.eval(double(l), double(v)).map(|x| x as f32);
                 }
             });
@@ -74,7 +78,12 @@ pub fn figures() -> Vec<Figure> {
             let mean = spread(&pixel_differences(&judged_on, &reference, &made)).map_or(f64::NAN, |s| s.mean);
             let name = chosen.built.representation.to_string();
             // held out: the choice's own figure is within, this one may differ by the pixels' sampling
-            out.push(Figure::at_most(format!("{title}: mean ΔE of other pixels with {name}"), mean, 1.05 * BOUND, None));
+            out.push(Figure::at_most(
+                format!("{title}: mean ΔE of other pixels with {name}"),
+                mean,
+                1.05 * BOUND,
+                None,
+            ));
             out.push(Figure::at_most(
                 format!("{title}: {name}, time over the full table's"),
                 chosen.cost.median_ns / choice.table_ns,

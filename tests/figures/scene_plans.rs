@@ -8,7 +8,9 @@ use gonio_brdf::{Brdf, Coat, Flag, Measured, ModelFile};
 use gonio_instrument::{Description, Plan, builtin};
 use gonio_optics::Vec3;
 use gonio_render::trace::{Gathered, gather};
-use gonio_tailor::{LikelyMaterial, Material, Options, PlanOptions, body_of, next_pose, pixel_differences, plan, spread};
+use gonio_tailor::{
+    LikelyMaterial, Material, Options, PlanOptions, body_of, next_pose, pixel_differences, plan, spread,
+};
 
 use crate::Figure;
 use crate::scene_choice::scene;
@@ -34,7 +36,9 @@ fn fill_as_a_scan(m: &mut Measured) {
 fn instrument() -> Description {
     let read = |name: &str| builtin::description(name).and_then(Result::ok);
     match (read("tiny"), read("reference")) {
-        (Some(tiny), Some(reference)) => Description { plan: reference.plan, name: "small camera".to_owned(), ..tiny },
+        (Some(tiny), Some(reference)) => {
+            Description { plan: reference.plan, name: "small camera".to_owned(), ..tiny }
+        }
         _ => panic!("the built-in instruments cannot be read"),
     }
 }
@@ -47,10 +51,21 @@ fn scanned(folder: &Path, name: &str, plan: &Plan) -> Measured {
     let text = if text.contains("format") { text } else { head + &text };
     std::fs::write(&plan_file, text).unwrap_or_else(|e| panic!("{e}"));
     let file = |n: &str| folder.join(n).into_os_string();
-    let mut words: Vec<std::ffi::OsString> =
-        ["gonio", "scan", "--device", "sim", "--clear-coat", "two-way", "--coat-index", "1.5", "--fit=lambert", "--force", "--seed"]
-            .map(Into::into)
-            .to_vec();
+    let mut words: Vec<std::ffi::OsString> = [
+        "gonio",
+        "scan",
+        "--device",
+        "sim",
+        "--clear-coat",
+        "two-way",
+        "--coat-index",
+        "1.5",
+        "--fit=lambert",
+        "--force",
+        "--seed",
+    ]
+    .map(Into::into)
+    .to_vec();
     words.push(SEED.to_string().into());
     for (flag, path) in [
         ("--instrument", file("instrument.toml")),
@@ -88,13 +103,16 @@ fn error(scene: &Gathered, truth: &ModelFile, table: &Measured) -> f64 {
 pub fn figures() -> Vec<Figure> {
     let folder = tempfile::tempdir().unwrap_or_else(|e| panic!("{e}"));
     let instrument = instrument();
-    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap_or_else(|e| panic!("{e}"));
+    let write = |name: &str, text: &str| {
+        std::fs::write(folder.path().join(name), text).unwrap_or_else(|e| panic!("{e}"))
+    };
     write("truth.json", TRUTH);
     write("instrument.toml", &instrument.to_toml().unwrap_or_else(|e| panic!("{e}")));
     let truth = ModelFile::from_json(TRUTH).unwrap_or_else(|e| panic!("{e}"));
     let likely: Vec<ModelFile> =
         LIKELY.iter().map(|t| ModelFile::from_json(t).unwrap_or_else(|e| panic!("{e}"))).collect();
-    let list: Vec<LikelyMaterial<'_>> = likely.iter().map(|m| LikelyMaterial { brdf: m, index: 1.5 }).collect();
+    let list: Vec<LikelyMaterial<'_>> =
+        likely.iter().map(|m| LikelyMaterial { brdf: m, index: 1.5 }).collect();
     let scene = gather(&scene("product.toml").smaller(72, 4), 60.0, true).unwrap_or_else(|e| panic!("{e}"));
     let options = PlanOptions { fill: &fill_as_a_scan, bound: None };
     let planned = plan(&scene, &instrument, &list, options).unwrap_or_else(|e| panic!("{e}"));
@@ -103,10 +121,18 @@ pub fn figures() -> Vec<Figure> {
     let (full_error, few_error) = (error(&scene, &truth, &full), error(&scene, &truth, &few));
     let all = instrument.plan.tilt_deg.len() as f64;
     let mut out = vec![
-        Figure::at_most("product shot: poses of the plan over the full plan's", planned.plan.tilt_deg.len() as f64 / all, 0.5, Some(SEED)),
+        Figure::at_most(
+            "product shot: poses of the plan over the full plan's",
+            planned.plan.tilt_deg.len() as f64 / all,
+            0.5,
+            Some(SEED),
+        ),
         Figure::said(
             "product shot: mean ΔE of the pictures, plan against full plan, scanned",
-            format!("{few_error:.3} against {full_error:.3} (expected {:.3}, {:.3})", planned.expected.delta_e, planned.full.delta_e),
+            format!(
+                "{few_error:.3} against {full_error:.3} (expected {:.3}, {:.3})",
+                planned.expected.delta_e, planned.full.delta_e
+            ),
             "at most 5 % and 0.05 more",
             Some(SEED),
             few_error <= 1.05 * full_error + 0.05,
@@ -128,7 +154,8 @@ pub fn figures() -> Vec<Figure> {
     let bound = 1.5;
     let (mut visited, mut expected): (Vec<f64>, f64) = (Vec::new(), f64::INFINITY);
     while visited.len() < instrument.plan.tilt_deg.len() {
-        let left: Vec<f64> = instrument.plan.tilt_deg.iter().copied().filter(|t| !visited.contains(t)).collect();
+        let left: Vec<f64> =
+            instrument.plan.tilt_deg.iter().copied().filter(|t| !visited.contains(t)).collect();
         let next = next_pose(&scene, &seen(&visited), &left, &fill_as_a_scan);
         expected = next.expected;
         match next.tilt_deg {
@@ -138,7 +165,12 @@ pub fn figures() -> Vec<Figure> {
     }
     let adaptive = Plan { tilt_deg: visited.clone(), ..instrument.plan.clone() };
     let adaptive_error = error(&scene, &truth, &scanned(folder.path(), "adaptive", &adaptive));
-    out.push(Figure::at_most("product shot: poses of the adaptive scan over the full plan's", visited.len() as f64 / all, 0.4, Some(SEED)));
+    out.push(Figure::at_most(
+        "product shot: poses of the adaptive scan over the full plan's",
+        visited.len() as f64 / all,
+        0.4,
+        Some(SEED),
+    ));
     out.push(Figure::said(
         "product shot: mean ΔE of the pictures, adaptive scan",
         format!("{adaptive_error:.3} with tilts {visited:?} (expected {expected:.3})"),

@@ -5,9 +5,9 @@ use std::process::{Command, Output};
 
 use gonio_brdf::export::{Renderer, export};
 use gonio_brdf::{Brdf, ModelFile};
+use gonio_render::Scene;
 use gonio_render::scene::SceneFile;
 use gonio_render::trace::{Paint, RenderOptions, render};
-use gonio_render::Scene;
 use serde_json::{Value, json};
 
 const PAINT: &str = r#"{"model":"ggx","diffuse":[0.02,0.05,0.16],"lobes":[{"specular":[0.10,0.20,0.45],"alpha":0.24,"r0":0.5}],"coat":{"index":1.5}}"#;
@@ -47,7 +47,17 @@ fn a_scene_is_rendered_for_the_screen_and_in_linear_light() {
     let dir = folder();
     let told = json_of(&gonio(
         dir.path(),
-        &["--json", "render", "paint.json", "--scene", "product.toml", "-o", "p.png", "--geometries", "g.csv"],
+        &[
+            "--json",
+            "render",
+            "paint.json",
+            "--scene",
+            "product.toml",
+            "-o",
+            "p.png",
+            "--geometries",
+            "g.csv",
+        ],
     ));
     assert_eq!(told["coat_index"], 1.5);
     assert_eq!(told["size"], json!([64, 48]));
@@ -55,14 +65,29 @@ fn a_scene_is_rendered_for_the_screen_and_in_linear_light() {
     assert!(png.starts_with(b"\x89PNG"));
     let csv = std::fs::read_to_string(dir.path().join("g.csv")).unwrap();
     assert!(csv.starts_with("theta_i_deg,theta_o_deg,phi_deg,weight\n") && csv.lines().count() > 50);
-    json_of(&gonio(dir.path(), &["--json", "render", "paint.json", "--scene", "product.toml", "-o", "p.exr", "--side", "32"]));
+    json_of(&gonio(
+        dir.path(),
+        &["--json", "render", "paint.json", "--scene", "product.toml", "-o", "p.exr", "--side", "32"],
+    ));
     assert!(std::fs::read(dir.path().join("p.exr")).unwrap().starts_with(&[0x76, 0x2f, 0x31, 0x01]));
     let again = gonio(dir.path(), &["render", "paint.json", "--scene", "product.toml", "-o", "p.png"]);
     assert_eq!(again.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&again.stderr).contains("--force"));
     let marked = json_of(&gonio(
         dir.path(),
-        &["--json", "render", "paint.json", "--scene", "product.toml", "-o", "m.png", "--as", "clip", "--mark-critical", "--no-cosine"],
+        &[
+            "--json",
+            "render",
+            "paint.json",
+            "--scene",
+            "product.toml",
+            "-o",
+            "m.png",
+            "--as",
+            "clip",
+            "--mark-critical",
+            "--no-cosine",
+        ],
     ));
     let share = marked["beyond_critical_share"].as_f64().unwrap();
     assert!(share > 0.0 && share < 0.9, "{share}");
@@ -74,8 +99,19 @@ fn the_cheapest_representation_that_keeps_the_bound_is_written_and_used() {
     let told = json_of(&gonio(
         dir.path(),
         &[
-            "--json", "tailor", "paint.json", "--scene", "product.toml", "--max-delta-e", "3", "--side", "48", "-o", "out",
-            "--only", "table,aspecular,clip,flake-map:0,flake-map:1",
+            "--json",
+            "tailor",
+            "paint.json",
+            "--scene",
+            "product.toml",
+            "--max-delta-e",
+            "3",
+            "--side",
+            "48",
+            "-o",
+            "out",
+            "--only",
+            "table,aspecular,clip,flake-map:0,flake-map:1",
         ],
     ));
     let candidates = told["candidates"].as_array().unwrap();
@@ -97,11 +133,27 @@ fn the_cheapest_representation_that_keeps_the_bound_is_written_and_used() {
     // what no representation keeps: said, with the nearest, and exit 1
     let none = gonio(
         dir.path(),
-        &["tailor", "paint.json", "--scene", "product.toml", "--max-delta-e", "0.0001", "--side", "32", "--only", "aspecular,clip"],
+        &[
+            "tailor",
+            "paint.json",
+            "--scene",
+            "product.toml",
+            "--max-delta-e",
+            "0.0001",
+            "--side",
+            "32",
+            "--only",
+            "aspecular,clip",
+        ],
     );
     assert_eq!(none.status.code(), Some(1));
     let said = String::from_utf8_lossy(&none.stderr).into_owned();
-    assert!(said.contains("no representation keeps") && said.contains("nearest") && said.contains("--max-delta-e"), "{said}");
+    assert!(
+        said.contains("no representation keeps")
+            && said.contains("nearest")
+            && said.contains("--max-delta-e"),
+        "{said}"
+    );
 }
 
 #[test]
@@ -113,7 +165,8 @@ fn the_trade_is_judged_over_the_geometries_of_a_scene() {
     ));
     assert!(told["judged"].as_str().unwrap().contains("product"), "{}", told["judged"]);
     assert_eq!(told["candidates"].as_array().unwrap().len(), 3);
-    let both = gonio(dir.path(), &["trade", "paint.json", "--scene", "product.toml", "--geometries", "g.csv"]);
+    let both =
+        gonio(dir.path(), &["trade", "paint.json", "--scene", "product.toml", "--geometries", "g.csv"]);
     assert_eq!(both.status.code(), Some(2));
 }
 
@@ -122,14 +175,40 @@ fn a_plan_for_a_scene_is_smaller_and_runs() {
     let dir = folder();
     let told = json_of(&gonio(
         dir.path(),
-        &["--json", "plan", "--scene", "product.toml", "--instrument", "tiny", "--like", "paint.json", "--side", "32", "-o", "plan.toml"],
+        &[
+            "--json",
+            "plan",
+            "--scene",
+            "product.toml",
+            "--instrument",
+            "tiny",
+            "--like",
+            "paint.json",
+            "--side",
+            "32",
+            "-o",
+            "plan.toml",
+        ],
     ));
     let (few, all) = (told["poses"].as_u64().unwrap(), told["full_poses"].as_u64().unwrap());
     assert!(few >= 1 && few <= all, "{told}");
     assert!(told["expected_delta_e"].as_f64().unwrap() <= told["bound"].as_f64().unwrap());
     let scan = gonio(
         dir.path(),
-        &["--json", "scan", "--device", "sim", "--instrument", "tiny", "--truth", "paint.json", "--plan", "plan.toml", "-o", "S.mcap"],
+        &[
+            "--json",
+            "scan",
+            "--device",
+            "sim",
+            "--instrument",
+            "tiny",
+            "--truth",
+            "paint.json",
+            "--plan",
+            "plan.toml",
+            "-o",
+            "S.mcap",
+        ],
     );
     assert_eq!(json_of(&scan)["poses_done"], few);
 }
@@ -148,11 +227,17 @@ fn scenes_that_cannot_be_used_say_what_would_help() {
     write(
         "rim.toml",
         PRODUCT
-            .replace("from = [0.6, 1.2, 6], field_of_view_deg = 24", "from = [0, 0.35, 6], field_of_view_deg = 24")
+            .replace(
+                "from = [0.6, 1.2, 6], field_of_view_deg = 24",
+                "from = [0, 0.35, 6], field_of_view_deg = 24",
+            )
             .replace("shape = \"capsule\"", "mesh = \"floor.obj\"")
             .replace("[-1, 1.2, 1.5]", "[0, 0.05, -1]"),
     );
-    write("floor.obj", "v -1 0 -1\nv 1 0 -1\nv 1 0 1\nv -1 0 1\nvn 0 1 0\nf 4//1 3//1 2//1 1//1\n".to_owned());
+    write(
+        "floor.obj",
+        "v -1 0 -1\nv 1 0 -1\nv 1 0 1\nv -1 0 1\nvn 0 1 0\nf 4//1 3//1 2//1 1//1\n".to_owned(),
+    );
     let said = |arguments: &[&str]| {
         let out = gonio(dir.path(), arguments);
         (out.status.code(), String::from_utf8_lossy(&out.stderr).into_owned())
@@ -187,7 +272,9 @@ fn a_ball_is_the_same_in_mitsuba_pixel_for_pixel() {
         std::fs::write(&path, &exported.text).unwrap();
         let (size, samples) = ([40u32, 30], 256u32);
         let around = if surrounding > 0.0 {
-            format!("[[light]]\nkind = \"environment\"\nsky = \"uniform\"\nradiance = [{surrounding}, {surrounding}, {surrounding}]\n")
+            format!(
+                "[[light]]\nkind = \"environment\"\nsky = \"uniform\"\nradiance = [{surrounding}, {surrounding}, {surrounding}]\n"
+            )
         } else {
             String::new()
         };
@@ -198,7 +285,9 @@ fn a_ball_is_the_same_in_mitsuba_pixel_for_pixel() {
         );
         let scene = Scene::build(&SceneFile::from_toml(&text, "ball").unwrap(), dir.path()).unwrap();
         let said = &exported.rendered;
-        let image = render(&scene, &scene.views[0], Paint { brdf: said, gloss: None }, RenderOptions::default()).unwrap();
+        let image =
+            render(&scene, &scene.views[0], Paint { brdf: said, gloss: None }, RenderOptions::default())
+                .unwrap();
         let job = json!({
             "bsdf": path, "size": size, "samples": samples, "from": [1.2, 1.0, 6.0], "field_of_view_deg": 24.0,
             "towards": [-0.8, 0.33, 0.5], "surrounding": surrounding, "variant": "scalar_rgb", "timed": 0,
@@ -219,7 +308,11 @@ fn a_ball_is_the_same_in_mitsuba_pixel_for_pixel() {
             for c in 0..3 {
                 let (a, b) = (f64::from(image.values[i][c]), their[c]);
                 // both draw 256 places in the pixel: what is left is their spread over a pixel, largest at the shadow's edge
-                assert!((a - b).abs() < 0.05 * b + 0.006, "{} pixel {i} channel {c}: {a}, Mitsuba {b}", file.model.name());
+                assert!(
+                    (a - b).abs() < 0.05 * b + 0.006,
+                    "{} pixel {i} channel {c}: {a}, Mitsuba {b}",
+                    file.model.name()
+                );
                 sum += a - b;
                 count += 1;
             }

@@ -3,9 +3,9 @@
 use std::path::Path;
 use std::process::Command;
 
+use gonio_brdf::Brdf;
 use gonio_brdf::ModelFile;
 use gonio_brdf::maps::{ColourMap, FlakeFitOptions, FlakeMap, Region, Sample};
-use gonio_brdf::Brdf;
 use gonio_optics::isoline::Method;
 use gonio_optics::{Angle, Geometry, Vec3};
 use serde_json::json;
@@ -68,7 +68,8 @@ fn the_shader_look_ups_are_those_of_the_library() {
         compare("flake map", &found["flake"], &pairs, 0, |l, v| flake.eval_single(single(l), single(v)));
         for (k, map) in maps.iter().enumerate() {
             // where a walk crosses the middle of the map the side may turn with the last bit
-            let turns = if matches!(METHODS[k], Method::MapVector | Method::MapVectorParallel) { 4 } else { 2 };
+            let turns =
+                if matches!(METHODS[k], Method::MapVector | Method::MapVectorParallel) { 4 } else { 2 };
             let name = METHODS[k].name();
             compare(name, &found["colour"][k], &pairs, turns, |l, v| map.eval_single(single(l), single(v)));
         }
@@ -92,7 +93,13 @@ fn compare(
             off.push((*l, *v, theirs, f));
         }
     }
-    assert!(off.len() <= allowed, "{name}: {} of {} differ, the first: {:?}", off.len(), pairs.len(), off.first());
+    assert!(
+        off.len() <= allowed,
+        "{name}: {} of {} differ, the first: {:?}",
+        off.len(),
+        pairs.len(),
+        off.first()
+    );
 }
 
 fn run(folder: &Path, job: &serde_json::Value) -> Option<serde_json::Value> {

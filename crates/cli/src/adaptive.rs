@@ -78,7 +78,9 @@ pub fn record(
             if said.expected <= asking.bound {
                 return Choice::Enough;
             }
-            let wanted = said.tilt_deg.and_then(|t| ahead.iter().find(|i| tilt(**i).is_some_and(|x| (x - t).abs() < 1e-9)));
+            let wanted = said
+                .tilt_deg
+                .and_then(|t| ahead.iter().find(|i| tilt(**i).is_some_and(|x| (x - t).abs() < 1e-9)));
             wanted.map_or(Choice::AsPlanned, |i| Choice::This(*i))
         },
     )

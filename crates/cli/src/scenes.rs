@@ -29,7 +29,12 @@ pub fn open(path: &Path) -> Result<Scene, Failure> {
 ///
 /// # Errors
 /// [`Failure::Usage`] where nothing is visible.
-pub fn gathered(scene: Scene, side: u32, samples: u32, sharpness: f64) -> Result<(String, Gathered), Failure> {
+pub fn gathered(
+    scene: Scene,
+    side: u32,
+    samples: u32,
+    sharpness: f64,
+) -> Result<(String, Gathered), Failure> {
     if !(8..=4096).contains(&side) {
         return Err(Failure::usage(format!("--side {side}: expected 8 to 4096 pixels")));
     }

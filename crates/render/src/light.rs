@@ -38,9 +38,11 @@ impl Lamp {
     pub fn turned_back(&self, angle: Angle) -> Self {
         let back = gonio_optics::Rotation::about_axis(Vec3::Y, -angle);
         match self {
-            Self::Directional { towards, irradiance, half_angle } => {
-                Self::Directional { towards: back.apply(*towards), irradiance: *irradiance, half_angle: *half_angle }
-            }
+            Self::Directional { towards, irradiance, half_angle } => Self::Directional {
+                towards: back.apply(*towards),
+                irradiance: *irradiance,
+                half_angle: *half_angle,
+            },
             Self::Point { position, intensity, radius } => {
                 Self::Point { position: back.apply(*position), intensity: *intensity, radius: *radius }
             }

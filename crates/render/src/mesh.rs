@@ -51,7 +51,9 @@ impl std::fmt::Display for MeshFinding {
                 "{count} corners have no normal: made from the faces around them, which rounds edges that are meant to be sharp; export the mesh with normals \
                  to keep them"
             ),
-            Self::Degenerate { count, of } => write!(f, "{count} of {of} faces have no area and are left out"),
+            Self::Degenerate { count, of } => {
+                write!(f, "{count} of {of} faces have no area and are left out")
+            }
         }
     }
 }
@@ -68,13 +70,17 @@ pub enum MeshError {
         reason: String,
     },
     /// Neither format.
-    #[error("{path} is no mesh that is known: expected Wavefront OBJ (lines \"v x y z\", \"f a b c\") or glTF 2.0 (.gltf, .glb)")]
+    #[error(
+        "{path} is no mesh that is known: expected Wavefront OBJ (lines \"v x y z\", \"f a b c\") or glTF 2.0 (.gltf, .glb)"
+    )]
     Unknown {
         /// The file.
         path: String,
     },
     /// Nothing in it.
-    #[error("the mesh has no triangle with an area ({faces} faces, {corners} corners): nothing to render; check the export")]
+    #[error(
+        "the mesh has no triangle with an area ({faces} faces, {corners} corners): nothing to render; check the export"
+    )]
     Empty {
         /// Faces in the file.
         faces: usize,
@@ -82,7 +88,9 @@ pub enum MeshError {
         corners: usize,
     },
     /// A face that names a corner that is not there.
-    #[error("face {face} names corner {found}, the mesh has {corners}: the faces are broken; export the mesh again")]
+    #[error(
+        "face {face} names corner {found}, the mesh has {corners}: the faces are broken; export the mesh again"
+    )]
     Index {
         /// Number of the face, from 0.
         face: usize,
@@ -112,8 +120,10 @@ impl Mesh {
         faces: &[[u32; 3]],
     ) -> Result<(Self, Vec<MeshFinding>), MeshError> {
         let corners = positions.len();
-        if let Some((corner, p)) =
-            positions.iter().enumerate().find(|(_, p)| !p.to_array().iter().all(|x| x.is_finite() && x.abs() < 1e12))
+        if let Some((corner, p)) = positions
+            .iter()
+            .enumerate()
+            .find(|(_, p)| !p.to_array().iter().all(|x| x.is_finite() && x.abs() < 1e12))
         {
             return Err(MeshError::Position { corner, found: p.to_array() });
         }
@@ -126,7 +136,8 @@ impl Mesh {
             let [a, b, c] = t.map(|i| positions[i as usize]);
             (b - a).cross(c - a)
         };
-        let triangles: Vec<[u32; 3]> = faces.iter().filter(|t| cross(t).norm_squared() > 0.0).copied().collect();
+        let triangles: Vec<[u32; 3]> =
+            faces.iter().filter(|t| cross(t).norm_squared() > 0.0).copied().collect();
         if triangles.is_empty() {
             return Err(MeshError::Empty { faces: faces.len(), corners });
         }
@@ -154,7 +165,8 @@ impl Mesh {
             }
         }
         // opposite faces may cancel: any direction is better than none
-        let normals = normals.into_iter().map(|n| if usable(&n) { n.normalized() } else { Vec3::Z }).collect();
+        let normals =
+            normals.into_iter().map(|n| if usable(&n) { n.normalized() } else { Vec3::Z }).collect();
         Ok((Self { positions, normals, triangles }, findings))
     }
 

@@ -58,7 +58,11 @@ impl Scene {
         let best = |v: &View| {
             sphere_of_directions(1024)
                 .map(|n| {
-                    let e = v.lamps.iter().map(|l| l.irradiance(centre, n)).fold([0.0; 3], |a, b| [a[0] + b[0], a[1] + b[1], a[2] + b[2]]);
+                    let e = v
+                        .lamps
+                        .iter()
+                        .map(|l| l.irradiance(centre, n))
+                        .fold([0.0; 3], |a, b| [a[0] + b[0], a[1] + b[1], a[2] + b[2]]);
                     colour::luminance(e)
                 })
                 .fold(0.0, f64::max)
@@ -73,7 +77,8 @@ impl Scene {
     pub fn smaller(mut self, side: u32, samples: u32) -> Self {
         let largest = self.size[0].max(self.size[1]);
         if largest > side {
-            self.size = self.size.map(|n| (u64::from(n) * u64::from(side) / u64::from(largest)).max(1) as u32);
+            self.size =
+                self.size.map(|n| (u64::from(n) * u64::from(side) / u64::from(largest)).max(1) as u32);
         }
         self.samples = self.samples.min(samples.max(1));
         self
@@ -100,5 +105,7 @@ pub(crate) fn steps(from_deg: f64, to_deg: f64, steps: u32) -> Vec<Angle> {
     let n = steps.max(1);
     let whole = (to_deg - from_deg).abs() >= 360.0 - 1e-9;
     let parts = if whole { n } else { (n - 1).max(1) };
-    (0..n).map(|k| Angle::from_degrees(from_deg + (to_deg - from_deg) * f64::from(k) / f64::from(parts))).collect()
+    (0..n)
+        .map(|k| Angle::from_degrees(from_deg + (to_deg - from_deg) * f64::from(k) / f64::from(parts)))
+        .collect()
 }

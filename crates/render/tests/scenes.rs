@@ -32,7 +32,8 @@ fn a_white_body_in_a_white_furnace_cannot_be_seen() {
         for (v, c) in image.values.iter().zip(&image.coverage) {
             assert!(*c == 0.0 || v.iter().all(|x| (x - 1.0).abs() < 0.03), "{shape}: {v:?}");
         }
-        let inner: Vec<f32> = image.values.iter().zip(&image.coverage).filter(|p| *p.1 > 0.0).map(|p| p.0[1]).collect();
+        let inner: Vec<f32> =
+            image.values.iter().zip(&image.coverage).filter(|p| *p.1 > 0.0).map(|p| p.0[1]).collect();
         let mean = inner.iter().sum::<f32>() / inner.len() as f32;
         assert!(inner.len() > 100 && (mean - 1.0).abs() < 2e-3, "{shape} {mean}");
     }
@@ -155,19 +156,35 @@ fn a_coat_mirrors_the_lamp_and_its_surroundings() {
     assert!((middle / expected - 1.0).abs() < 1e-6, "{middle} {expected}");
     // the normal turns by half the lamp's radius: the disc reaches 1° from the middle, 0.0175 of the ball's radius
     let lit = image.values.iter().filter(|v| v[0] > 0.0).count();
-    assert!((lit as f64 / 441.0 - std::f64::consts::PI * 1f64.to_radians().sin().powi(2) / 0.04).abs() < 0.01, "{lit}");
-    let furnace = scene("size = [9, 9]\nsamples = 4\ncamera = { from = [0, 0, 6], height = 0.2 }\nobject = { shape = \"egg\" }\n[[light]]\nkind = \"environment\"\nsky = \"uniform\"\n");
-    let image = render(&furnace, &furnace.views[0], Paint { brdf: &black, gloss: Some(coat) }, RenderOptions::default())
-        .unwrap();
+    assert!(
+        (lit as f64 / 441.0 - std::f64::consts::PI * 1f64.to_radians().sin().powi(2) / 0.04).abs() < 0.01,
+        "{lit}"
+    );
+    let furnace = scene(
+        "size = [9, 9]\nsamples = 4\ncamera = { from = [0, 0, 6], height = 0.2 }\nobject = { shape = \"egg\" }\n[[light]]\nkind = \"environment\"\nsky = \"uniform\"\n",
+    );
+    let image = render(
+        &furnace,
+        &furnace.views[0],
+        Paint { brdf: &black, gloss: Some(coat) },
+        RenderOptions::default(),
+    )
+    .unwrap();
     assert!((image.values[40][0] - 0.04).abs() < 1e-3, "{:?}", image.values[40]);
 }
 
 #[test]
 fn the_same_scene_gives_the_same_pixels_on_any_number_of_threads() {
-    let s = scene(&format!("size = [20, 20]\nsamples = 3\n{FRONT}object = {{ shape = \"egg\" }}\n[[light]]\nkind = \"environment\"\nsky = \"studio\"\n"));
+    let s = scene(&format!(
+        "size = [20, 20]\nsamples = 3\n{FRONT}object = {{ shape = \"egg\" }}\n[[light]]\nkind = \"environment\"\nsky = \"studio\"\n"
+    ));
     let paint = Lambert { diffuse: [0.5; 3] };
     let with = |n: usize| {
-        rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap().install(|| picture(&s, &paint, RenderOptions::default()))
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(n)
+            .build()
+            .unwrap()
+            .install(|| picture(&s, &paint, RenderOptions::default()))
     };
     assert_eq!(with(1), with(3));
 }
@@ -175,22 +192,38 @@ fn the_same_scene_gives_the_same_pixels_on_any_number_of_threads() {
 #[test]
 fn bad_scenes_say_what_would_help() {
     let light = "[[light]]\nkind = \"directional\"\ntowards = [0, 0, 1]\n";
-    let away = scene(&format!("size = [8, 8]\nsamples = 1\ncamera = {{ from = [0, 0, 6], to = [0, 0, 9] }}\nobject = {{ shape = \"sphere\" }}\n{light}"));
+    let away = scene(&format!(
+        "size = [8, 8]\nsamples = 1\ncamera = {{ from = [0, 0, 6], to = [0, 0, 9] }}\nobject = {{ shape = \"sphere\" }}\n{light}"
+    ));
     let e = gather(&away, 0.0, true).unwrap_err();
     assert!(matches!(e, SceneError::NothingVisible { .. }) && e.to_string().contains("camera.to"), "{e}");
-    let behind = scene(&format!("size = [8, 8]\nsamples = 1\n{FRONT}object = {{ shape = \"sphere\" }}\n[[light]]\nkind = \"directional\"\ntowards = [0, 0, -1]\n"));
+    let behind = scene(&format!(
+        "size = [8, 8]\nsamples = 1\n{FRONT}object = {{ shape = \"sphere\" }}\n[[light]]\nkind = \"directional\"\ntowards = [0, 0, -1]\n"
+    ));
     let e = gather(&behind, 0.0, true).unwrap_err();
     assert!(matches!(e, SceneError::Dark), "{e}");
     let build = |body: &str| {
         let text = format!("format = \"gonio-scene\"\nversion = 1\n{body}");
-        SceneFile::from_toml(&text, "bad.toml").and_then(|f| Scene::build(&f, std::path::Path::new("."))).unwrap_err().to_string()
+        SceneFile::from_toml(&text, "bad.toml")
+            .and_then(|f| Scene::build(&f, std::path::Path::new(".")))
+            .unwrap_err()
+            .to_string()
     };
     assert!(build(&format!("{FRONT}object = {{ shape = \"cube\" }}\n{light}")).contains("cube"));
     assert!(build(&format!("{FRONT}object = {{}}\n{light}")).contains("teapot"));
     assert!(build(&format!("{FRONT}object = {{ mesh = \"absent.obj\" }}\n{light}")).contains("absent.obj"));
     assert!(build(&format!("{FRONT}object = {{ shape = \"egg\" }}\n")).contains("[[light]]"));
-    assert!(build(&format!("camera = {{ from = [0, 1, 0] }}\nobject = {{ shape = \"egg\" }}\n{light}")).contains("up"));
-    assert!(build(&format!("{FRONT}object = {{ shape = \"egg\", scale = -1 }}\n{light}")).contains("object.scale"));
+    assert!(
+        build(&format!("camera = {{ from = [0, 1, 0] }}\nobject = {{ shape = \"egg\" }}\n{light}"))
+            .contains("up")
+    );
+    assert!(
+        build(&format!("{FRONT}object = {{ shape = \"egg\", scale = -1 }}\n{light}"))
+            .contains("object.scale")
+    );
     assert!(build(&format!("sise = 3\n{FRONT}object = {{ shape = \"egg\" }}\n{light}")).contains("sise"));
-    assert!(build(&format!("{FRONT}object = {{ shape = \"egg\" }}\n[[light]]\nkind = \"environment\"\n")).contains("sky"));
+    assert!(
+        build(&format!("{FRONT}object = {{ shape = \"egg\" }}\n[[light]]\nkind = \"environment\"\n"))
+            .contains("sky")
+    );
 }

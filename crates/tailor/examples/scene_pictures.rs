@@ -9,11 +9,11 @@ use gonio_brdf::{Brdf, Coat, ModelFile};
 use gonio_fitter::ModelChoice;
 use gonio_optics::isoline::{Method, isoline};
 use gonio_optics::{Vec3, colour};
+use gonio_render::Picture;
 use gonio_render::plots::{SceneRow, scene_geometries};
 use gonio_render::scene::Scene;
 use gonio_render::sphere::LinearImage;
 use gonio_render::trace::{Gathered, Paint, RenderOptions, gather, render};
-use gonio_render::Picture;
 use gonio_tailor::{Material, Options, Representation, body_of, pixel_differences, spread};
 
 const GOLD: &str = r#"{"model":"ggx","diffuse":[0.004,0.008,0.03],"lobes":[{"specular":[0.5,0.28,0.06],"alpha":0.2,"r0":0.6},{"specular":[0.02,0.12,0.3],"alpha":0.5,"r0":0.4}],"coat":{"index":1.5}}"#;
@@ -42,10 +42,12 @@ fn main() -> Result<(), Error> {
     let index = 1.5;
     spheres(&scenes, &interference, index)?.save_png(&out.join("scene-spheres.png"))?;
     fixes(&scenes, &interference, index)?.save_png(&out.join("scene-fixes.png"))?;
-    teapots(&scenes, &model("silver metallic", SILVER)?, &model("interference", GOLD)?)?.save_png(&out.join("scene-teapots.png"))?;
+    teapots(&scenes, &model("silver metallic", SILVER)?, &model("interference", GOLD)?)?
+        .save_png(&out.join("scene-teapots.png"))?;
     egg(&scenes, &blue)?.save_png(&out.join("scene-egg.png"))?;
     let product = gather(&open(&scenes, "product.toml")?.smaller(160, 4), 60.0, true)?;
-    scene_geometries(&product.geometries(), "What the product shot looks at", Some(75.0)).save_png(&out.join("scene-geometries.png"))?;
+    scene_geometries(&product.geometries(), "What the product shot looks at", Some(75.0))
+        .save_png(&out.join("scene-geometries.png"))?;
     views(&scenes, &model("interference", GOLD)?)?.save_png(&out.join("scene-three.png"))?;
     Ok(())
 }
@@ -66,7 +68,8 @@ fn of(brdf: &dyn Brdf, scene: &Gathered) -> LinearImage {
 
 /// White that shows a paint bright: the 97th percentile of its luminance becomes 0.8.
 fn white(image: &LinearImage) -> f64 {
-    let mut y: Vec<f64> = image.values.iter().map(|v| colour::luminance(v.map(f64::from))).filter(|y| *y > 0.0).collect();
+    let mut y: Vec<f64> =
+        image.values.iter().map(|v| colour::luminance(v.map(f64::from))).filter(|y| *y > 0.0).collect();
     y.sort_by(f64::total_cmp);
     y.get(y.len() * 97 / 100).map_or(1.0, |y| y / 0.8)
 }
@@ -100,11 +103,19 @@ fn spheres(scenes: &Path, material: &Material, index: f64) -> Result<Picture, Er
     let a = Representation::ColourMap(Method::Clip).build(material, &options)?;
     let c = Representation::ColourMap(Method::UnitIndex).build(material, &options)?;
     let mut rows = Vec::new();
-    for (file, words) in [("sphere-behind.toml", "light behind the detector"), ("sphere-aside.toml", "light aside")] {
+    for (file, words) in
+        [("sphere-behind.toml", "light behind the detector"), ("sphere-aside.toml", "light aside")]
+    {
         let scene = open(scenes, file)?;
         let (flat, cosine) = (gather(&scene, 60.0, false)?, gather(&scene, 60.0, true)?);
         let marks = flat.share_of(&|l, v| isoline(l, v, index, Method::Clip).limited);
-        let images = [of(full, &flat), of(a.brdf(), &flat), of(a.brdf(), &flat), of(c.brdf(), &flat), of(a.brdf(), &cosine)];
+        let images = [
+            of(full, &flat),
+            of(a.brdf(), &flat),
+            of(a.brdf(), &flat),
+            of(c.brdf(), &flat),
+            of(a.brdf(), &cosine),
+        ];
         let names = ["full", "A", "A, beyond critical angle", "C", "A, with cosine"];
         let level = white(&images[0]);
         rows.push(
@@ -144,7 +155,8 @@ fn fixes(scenes: &Path, material: &Material, index: f64) -> Result<Picture, Erro
         ("D, K = 1", Representation::FlakeMap(1)),
     ] {
         let image = of(r.build(material, &options)?.brdf(), &seen);
-        let differences = pixel_differences(&seen, std::slice::from_ref(&reference), std::slice::from_ref(&image));
+        let differences =
+            pixel_differences(&seen, std::slice::from_ref(&reference), std::slice::from_ref(&image));
         let mean = spread(&differences).map_or(f64::NAN, |s| s.mean);
         images.push((format!("{name}: ΔE {mean:.2}"), image));
     }
@@ -162,7 +174,12 @@ fn fixes(scenes: &Path, material: &Material, index: f64) -> Result<Picture, Erro
 fn painted(scene: &Scene, material: &Material) -> Result<LinearImage, Error> {
     let gloss = material.stated_index().filter(|n| *n > 1.0).map(|index| Coat { index });
     let brdf = material.brdf().ok_or("scattered")?;
-    Ok(render(scene, &scene.views[0], Paint { brdf, gloss }, RenderOptions { bounces: 2, ..RenderOptions::default() })?)
+    Ok(render(
+        scene,
+        &scene.views[0],
+        Paint { brdf, gloss },
+        RenderOptions { bounces: 2, ..RenderOptions::default() },
+    )?)
 }
 
 fn teapots(scenes: &Path, metallic: &Material, interference: &Material) -> Result<Picture, Error> {
@@ -183,7 +200,7 @@ fn egg(scenes: &Path, material: &Material) -> Result<Picture, Error> {
     let seen = gather(&open(scenes, "egg.toml")?, 60.0, true)?;
     let data = of(material.brdf().ok_or("scattered")?, &seen);
     let mut images = vec![("data".to_owned(), data.clone())];
-    for name in ["ashikhmin-shirley-simplified", "lambert-ashikhmin-shirley", "ggx-2"] {
+    for name in ["ashikhmin-shirley-simplified", "lambert-ashikhmin-shirley", "ggx:2"] {
         let Some((_, choice)) = ModelChoice::ALL.into_iter().find(|a| a.0 == name) else { continue };
         let built = Representation::Model(choice).build(material, &Options::new(1.0))?;
         let image = of(built.brdf(), &seen);

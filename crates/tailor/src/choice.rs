@@ -13,8 +13,8 @@ use crate::material::place;
 use crate::pixels::{pixel_differences, spread};
 use crate::timing::{Direction, Evaluate};
 use crate::{
-    Built, ColourSpread, Cost, Finding, Gloss, GlossError, Left, Material, Options, Representation, costs, front,
-    without_gloss,
+    Built, ColourSpread, Cost, Finding, Gloss, GlossError, Left, Material, Options, Representation, costs,
+    front, without_gloss,
 };
 
 /// Which figure over the pixels is held against the bound.
@@ -117,7 +117,9 @@ pub enum ChoiceError {
         reason: String,
     },
     /// Nothing to compare.
-    #[error("no pixel lies wholly on the object and in the light: nothing to judge by; give the scene more pixels or bring the camera closer")]
+    #[error(
+        "no pixel lies wholly on the object and in the light: nothing to judge by; give the scene more pixels or bring the camera closer"
+    )]
     NoPixel,
 }
 

@@ -27,7 +27,10 @@ pub use gloss::{Gloss, GlossChoice, GlossError, GlossPeak, without_gloss};
 pub use material::{Judged, Material};
 pub use pareto::front;
 pub use pixels::{pixel_differences, spread};
-pub use planning::{Expected, Fill, LikelyMaterial, Next, PlanError, PlanOptions, Reach, ScenePlan, measured_with, next_pose, plan, reach};
+pub use planning::{
+    Expected, Fill, LikelyMaterial, Next, PlanError, PlanOptions, Reach, ScenePlan, measured_with, next_pose,
+    plan, reach,
+};
 pub use representation::{BuildError, Built, Options, Representation, Standing, UnknownRepresentation};
 pub use timing::{Cost, costs};
 pub use trade::{AssessError, Candidate, GeometrySet, Left, Trade, TradeError, TradeOptions, assess, trade};

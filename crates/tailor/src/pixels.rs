@@ -15,13 +15,17 @@ pub fn pixel_differences(
 ) -> Vec<Option<f64>> {
     // white is a perfect diffuser in the scene's best light; L* above 100 is not clamped
     let lab = |v: &[f32; 3]| colour::lab_from_rgb(v.map(|x| f64::from(x) / scene.white));
-    let values = |list: &[LinearImage]| -> Vec<[f32; 3]> { list.iter().flat_map(|i| i.values.iter().copied()).collect() };
+    let values = |list: &[LinearImage]| -> Vec<[f32; 3]> {
+        list.iter().flat_map(|i| i.values.iter().copied()).collect()
+    };
     let (a, b) = (values(reference), values(other));
     (0..scene.coverage.len())
         .map(|p| {
             let lit = scene.starts[p + 1] > scene.starts[p];
             let (x, y) = (a.get(p)?, b.get(p)?);
-            (lit && scene.coverage[p] > 0.999).then(|| colour::ciede2000(lab(x), lab(y))).filter(|d| d.is_finite())
+            (lit && scene.coverage[p] > 0.999)
+                .then(|| colour::ciede2000(lab(x), lab(y)))
+                .filter(|d| d.is_finite())
         })
         .collect()
 }

@@ -87,10 +87,14 @@ pub enum PlanError {
         high: f64,
     },
     /// No pixel to judge by.
-    #[error("no pixel lies wholly on the object and in the light: nothing to plan for; give the scene more pixels")]
+    #[error(
+        "no pixel lies wholly on the object and in the light: nothing to plan for; give the scene more pixels"
+    )]
     NoPixel,
     /// No material.
-    #[error("no likely material was given: name a model or an earlier measurement of a paint like the one to be scanned")]
+    #[error(
+        "no likely material was given: name a model or an earlier measurement of a paint like the one to be scanned"
+    )]
     NoMaterial,
 }
 
@@ -202,7 +206,8 @@ pub fn plan(
     let all = rows_of(&instrument.plan);
     let full = Expected { delta_e: mean_error(&likely, &all, options.fill)?, tilt_deg: all.clone() };
     let bound = options.bound.unwrap_or(1.05 * full.delta_e + 0.01);
-    let (mut chosen, mut steps, mut left): (Vec<f64>, Vec<(f64, f64)>, Vec<f64>) = (Vec::new(), Vec::new(), all);
+    let (mut chosen, mut steps, mut left): (Vec<f64>, Vec<(f64, f64)>, Vec<f64>) =
+        (Vec::new(), Vec::new(), all);
     let mut error = f64::INFINITY;
     while error > bound && !left.is_empty() {
         let mut best = (0, f64::INFINITY);
@@ -279,10 +284,13 @@ pub fn next_pose(scene: &Gathered, measured: &Measured, left: &[f64], fill: Fill
         .map(|r| *r.1)
         .collect();
     let demand = demand(scene);
-    let weight = |from: f64, to: f64| demand.iter().filter(|d| d.0 > from && d.0 < to).map(|d| d.1).sum::<f64>();
+    let weight =
+        |from: f64, to: f64| demand.iter().filter(|d| d.0 > from && d.0 < to).map(|d| d.1).sum::<f64>();
     if rows.len() < 2 {
         let middle = median(&demand);
-        let far = |t: &f64| rows.first().map_or(-(t - middle).abs(), |r| (t - r).abs() * weight(t - 20.0, t + 20.0).sqrt());
+        let far = |t: &f64| {
+            rows.first().map_or(-(t - middle).abs(), |r| (t - r).abs() * weight(t - 20.0, t + 20.0).sqrt())
+        };
         let tilt = left.iter().copied().max_by(|a, b| far(a).total_cmp(&far(b)));
         return Next { tilt_deg: tilt, expected: 100.0 };
     }
@@ -293,7 +301,8 @@ pub fn next_pose(scene: &Gathered, measured: &Measured, left: &[f64], fill: Fill
     let mut rates = Vec::new();
     for (k, row) in rows.iter().enumerate() {
         let others: Vec<f64> = rows.iter().copied().filter(|r| r != row).collect();
-        let (before, after) = (if k == 0 { 0.0 } else { rows[k - 1] }, rows.get(k + 1).copied().unwrap_or(90.0));
+        let (before, after) =
+            (if k == 0 { 0.0 } else { rows[k - 1] }, rows.get(k + 1).copied().unwrap_or(90.0));
         let filled = measured_with(measured, &others, fill);
         let made = scene.pictures(&|l, v, out| of_function(&filled, l, v, out));
         let Some(e) = spread(&pixel_differences(scene, &reference, &made)) else { continue };

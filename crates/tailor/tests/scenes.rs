@@ -9,8 +9,8 @@ use gonio_render::Scene;
 use gonio_render::scene::SceneFile;
 use gonio_render::trace::{Gathered, gather};
 use gonio_tailor::{
-    ChoiceError, ChoiceOptions, LikelyMaterial, Material, Options, PlanError, PlanOptions, Representation, Statistic, choose,
-    measured_with, next_pose, plan, reach,
+    ChoiceError, ChoiceOptions, LikelyMaterial, Material, Options, PlanError, PlanOptions, Representation,
+    Statistic, choose, measured_with, next_pose, plan, reach,
 };
 
 const PAINT: &str = r#"{"model":"ggx","diffuse":[0.02,0.05,0.16],"lobes":[{"specular":[0.10,0.20,0.45],"alpha":0.24,"r0":0.5}],"coat":{"index":1.5}}"#;
@@ -47,7 +47,8 @@ fn the_cheapest_within_the_bound_is_chosen_and_its_pixels_are_what_is_said() {
     assert!(choice.candidates[chosen].keeps);
     assert!(choice.candidates[..chosen].iter().all(|c| !c.keeps), "something cheaper keeps it");
     assert!(choice.candidates.windows(2).all(|w| w[0].cost.median_ns <= w[1].cost.median_ns));
-    let of = |r: Representation| choice.candidates.iter().find(|c| c.built.representation == r).unwrap().pixels;
+    let of =
+        |r: Representation| choice.candidates.iter().find(|c| c.built.representation == r).unwrap().pixels;
     assert!(of(Representation::FlakeMap(1)).mean < of(Representation::Aspecular).mean);
     let all = ChoiceOptions { bound: 1e-9, candidates: vec![Representation::Aspecular], ..options.clone() };
     let none = choose(&paint(), &seen, &all).unwrap();
@@ -93,7 +94,10 @@ fn one_pose_is_enough_for_a_matte_sample_and_a_lobe_asks_for_more() {
 fn what_the_instrument_cannot_reach_is_said() {
     let instrument = builtin::description("reference").unwrap().unwrap();
     let front = reach(&scene("[0, 0.01, 1]"), &instrument);
-    assert!((front.measured + front.exchanged + front.beyond - 1.0).abs() < 1e-9 && front.measured > 0.8, "{front:?}");
+    assert!(
+        (front.measured + front.exchanged + front.beyond - 1.0).abs() < 1e-9 && front.measured > 0.8,
+        "{front:?}"
+    );
     // lit from behind: only the rim shows
     let rim = scene("[0, 0.12, -1]");
     let matte = Lambert { diffuse: [0.4; 3] };

@@ -39,7 +39,8 @@ pub fn run(a: &PlanArguments, printer: Printer) -> Result<Outcome, Failure> {
     let sharpest = list.iter().map(|m| m.brdf.sharpness()).fold(60.0, f64::max);
     let (name, scene) = scenes::gathered(scenes::open(&a.scene)?, a.side, 4, sharpest)?;
     let options = PlanOptions { fill: &scenes::fill_as_a_scan, bound: a.max_delta_e };
-    let found = plan(&scene, &instrument, &list, options).map_err(|e| Failure::usage(format!("{name}: {e}")))?;
+    let found =
+        plan(&scene, &instrument, &list, options).map_err(|e| Failure::usage(format!("{name}: {e}")))?;
     let spins = instrument.plan.spin_deg.len();
     let poses = |tilts: usize| tilts * spins;
     if !found.kept {
@@ -108,16 +109,27 @@ fn materials(a: &PlanArguments) -> Result<Vec<Material>, Failure> {
 
 fn write(a: &PlanArguments, plan: &Plan) -> Result<(), Failure> {
     let text = plan.to_toml().map_err(|e| Failure::failed("the plan cannot be written", e))?;
-    let head = if text.contains("format") { String::new() } else { format!("format = \"{}\"\n", gonio_instrument::plan::FORMAT) };
+    let head = if text.contains("format") {
+        String::new()
+    } else {
+        format!("format = \"{}\"\n", gonio_instrument::plan::FORMAT)
+    };
     output::write_whole(&a.output, format!("{head}{text}").as_bytes())
 }
 
 /// The next pose after what was measured.
-fn next(a: &PlanArguments, instrument: &gonio_instrument::Description, printer: Printer) -> Result<Outcome, Failure> {
+fn next(
+    a: &PlanArguments,
+    instrument: &gonio_instrument::Description,
+    printer: Printer,
+) -> Result<Outcome, Failure> {
     let path = a.after.as_deref().unwrap_or(&a.scene);
     let material = effect::material(&path.to_string_lossy())?;
     let table: &Measured = material.table().ok_or_else(|| {
-        Failure::usage(format!("--after {}: expected a measured table (.nc), whose flags tell which rows were visited", path.display()))
+        Failure::usage(format!(
+            "--after {}: expected a measured table (.nc), whose flags tell which rows were visited",
+            path.display()
+        ))
     })?;
     let (name, scene) = scenes::gathered(scenes::open(&a.scene)?, a.side, 4, 60.0)?;
     let visited = |t: f64| {
@@ -135,10 +147,29 @@ fn next(a: &PlanArguments, instrument: &gonio_instrument::Description, printer: 
     let (text, written) = match said.tilt_deg {
         Some(tilt) if !enough => {
             write(a, &Plan { tilt_deg: vec![tilt], ..instrument.plan.clone() })?;
-            (format!("{name}: expected mean ΔE {:.3}, above the bound of {bound}: next tilt {tilt}°, written to {}", said.expected, a.output.display()), true)
+            (
+                format!(
+                    "{name}: expected mean ΔE {:.3}, above the bound of {bound}: next tilt {tilt}°, written to {}",
+                    said.expected,
+                    a.output.display()
+                ),
+                true,
+            )
         }
-        None if !enough => (format!("{name}: expected mean ΔE {:.3}, above the bound of {bound}, and no pose is left: every row of the plan is measured", said.expected), false),
-        _ => (format!("{name}: expected mean ΔE {:.3}, within the bound of {bound}: no further pose is needed, no plan was written", said.expected), false),
+        None if !enough => (
+            format!(
+                "{name}: expected mean ΔE {:.3}, above the bound of {bound}, and no pose is left: every row of the plan is measured",
+                said.expected
+            ),
+            false,
+        ),
+        _ => (
+            format!(
+                "{name}: expected mean ΔE {:.3}, within the bound of {bound}: no further pose is needed, no plan was written",
+                said.expected
+            ),
+            false,
+        ),
     };
     printer.result(
         &text,

@@ -105,7 +105,10 @@ pub fn run(a: &RenderArguments, printer: Printer) -> Result<Outcome, Failure> {
                 }
                 None => image.to_picture(&Tone { exposure: 1.0 / white, ..Tone::default() }).to_png(),
             };
-            output::write_whole(path, &png.map_err(|e| Failure::failed("the picture cannot be encoded", e))?)?;
+            output::write_whole(
+                path,
+                &png.map_err(|e| Failure::failed("the picture cannot be encoded", e))?,
+            )?;
         }
     }
     if let Some(path) = &a.geometries {
@@ -124,7 +127,8 @@ pub fn run(a: &RenderArguments, printer: Printer) -> Result<Outcome, Failure> {
         outputs[0].display()
     );
     if let Some((share, _)) = &marked {
-        text += &format!("\n{:.1} % of the light comes from geometries beyond the critical angle", 100.0 * share);
+        text +=
+            &format!("\n{:.1} % of the light comes from geometries beyond the critical angle", 100.0 * share);
     }
     if unknown > 0 {
         text += &format!("\n{unknown} pixels are hatched: the reflectance is not known there");
@@ -174,7 +178,9 @@ fn coat(asked: &str, material: &Material) -> Result<Option<Coat>, Failure> {
             .map(|index| Coat { index })),
         number => match number.parse::<f64>() {
             Ok(index) if index > 1.0 && index <= 4.0 => Ok(Some(Coat { index })),
-            _ => Err(Failure::usage(format!("--coat {number}: expected auto, none or a refractive index above 1, at most 4"))),
+            _ => Err(Failure::usage(format!(
+                "--coat {number}: expected auto, none or a refractive index above 1, at most 4"
+            ))),
         },
     }
 }
@@ -226,9 +232,11 @@ fn geometries(path: &Path, scene: &Scene, brdf: &dyn Brdf) -> Result<(), Failure
     let found = gather(scene, scenes::sharpness(Some(brdf)), true).map_err(Failure::usage)?.geometries();
     let bytes = match path.extension().and_then(|e| e.to_str()) {
         Some("csv") => scenes::to_csv(&found).into_bytes(),
-        Some("png") => scene_geometries(&found, &format!("What the scene looks at: {}", scene.name), Some(75.0))
-            .to_png()
-            .map_err(|e| Failure::failed("the picture cannot be encoded", e))?,
+        Some("png") => {
+            scene_geometries(&found, &format!("What the scene looks at: {}", scene.name), Some(75.0))
+                .to_png()
+                .map_err(|e| Failure::failed("the picture cannot be encoded", e))?
+        }
         _ => return Err(Failure::usage(format!("--geometries {}: expected .png or .csv", path.display()))),
     };
     output::write_whole(path, &bytes)

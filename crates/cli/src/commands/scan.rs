@@ -204,8 +204,16 @@ pub fn scan(a: &ScanArguments, cancel: &Cancel) -> Result<Scanned, Failure> {
         (Some(calibrated), Some(model), Some(asking)) => {
             let mut reducer = reduction::reducer(calibrated, &job.sample, &options)?;
             let mut lost = calibrated.lost.clone();
-            let recorded =
-                adaptive::record(&job, &mut rig, &map, cancel, control.as_ref(), &mut reducer, &mut lost, asking)?;
+            let recorded = adaptive::record(
+                &job,
+                &mut rig,
+                &map,
+                cancel,
+                control.as_ref(),
+                &mut reducer,
+                &mut lost,
+                asking,
+            )?;
             if reducer.statistics().is_empty() {
                 return Ok(Scanned { recorded, fit: None, files: None, coat: None, lost: Vec::new() });
             }

@@ -12,7 +12,8 @@ use gonio_render::plots::{Pareto, ParetoPoint, SceneRow, scene_geometries};
 use gonio_render::report::{Block, Fact, Figure, KeyFigure, Notice, Section, Weight, significant};
 use gonio_render::trace::Gathered;
 use gonio_tailor::{
-    Choice, ChoiceOptions, Material, Representation, SceneCandidate, Statistic, body_of, choose, pixel_differences,
+    Choice, ChoiceOptions, Material, Representation, SceneCandidate, Statistic, body_of, choose,
+    pixel_differences,
 };
 use serde_json::{Value, json};
 
@@ -60,10 +61,17 @@ pub fn run(a: &TailorArguments, printer: Printer) -> Result<Outcome, Failure> {
     };
     let sharpness = scenes::sharpness(material.brdf());
     let (scene_name, scene) = scenes::gathered(scenes::open(&a.scene)?, a.side, a.samples, sharpness)?;
-    let choice = choose(&material, &scene, &options).map_err(|e| Failure::usage(format!("{}: {e}", a.input)))?;
+    let choice =
+        choose(&material, &scene, &options).map_err(|e| Failure::usage(format!("{}: {e}", a.input)))?;
     effect::say(&choice.findings);
-    let told =
-        Told { a, scene_name: &scene_name, scene: &scene, material: &material, choice: &choice, statistic: options.statistic };
+    let told = Told {
+        a,
+        scene_name: &scene_name,
+        scene: &scene,
+        material: &material,
+        choice: &choice,
+        statistic: options.statistic,
+    };
     let mut json = told.json();
     let mut text = told.table();
     if let Some(folder) = &a.output {
@@ -82,7 +90,11 @@ pub fn run(a: &TailorArguments, printer: Printer) -> Result<Outcome, Failure> {
         a.max_delta_e,
         nearest.map_or_else(
             || "none could be built".to_owned(),
-            |c| format!("the nearest is {} with {:.2}", c.built.representation, options.statistic.of(&c.pixels))
+            |c| format!(
+                "the nearest is {} with {:.2}",
+                c.built.representation,
+                options.statistic.of(&c.pixels)
+            )
         )
     )))
 }
@@ -109,7 +121,13 @@ impl Told<'_> {
             "max"
         );
         for (k, c) in self.choice.candidates.iter().enumerate() {
-            let mark = if Some(k) == self.choice.chosen { "▸" } else if c.on_front { "*" } else { " " };
+            let mark = if Some(k) == self.choice.chosen {
+                "▸"
+            } else if c.on_front {
+                "*"
+            } else {
+                " "
+            };
             let _ = writeln!(
                 out,
                 "{mark} {:<26} {:>9.1} {:>9}   {:>6.2} {:>6.2} {:>6.2}{}",
@@ -168,7 +186,12 @@ impl Told<'_> {
         })
     }
 
-    fn write(&self, folder: &Path, options: &ChoiceOptions, json: &mut Value) -> Result<Vec<PathBuf>, Failure> {
+    fn write(
+        &self,
+        folder: &Path,
+        options: &ChoiceOptions,
+        json: &mut Value,
+    ) -> Result<Vec<PathBuf>, Failure> {
         std::fs::create_dir_all(folder)
             .map_err(|e| Failure::usage(format!("folder {} cannot be made: {e}", folder.display())))?;
         let mut files = Vec::new();
@@ -185,7 +208,12 @@ impl Told<'_> {
     }
 
     /// The chosen representation in the file that renderers and `gonio` read.
-    fn representation(&self, folder: &Path, c: &SceneCandidate, options: &ChoiceOptions) -> Result<PathBuf, Failure> {
+    fn representation(
+        &self,
+        folder: &Path,
+        c: &SceneCandidate,
+        options: &ChoiceOptions,
+    ) -> Result<PathBuf, Failure> {
         let (body, _) = body_of(self.material, &options.build).map_err(Failure::usage)?;
         let judged = body.as_ref().unwrap_or(self.material);
         let written = |name: &str, bytes: &[u8]| {
@@ -219,7 +247,8 @@ impl Told<'_> {
             }
             Representation::Model(model) => {
                 let observations = judged.observations().ok_or_else(|| fail("nothing to fit".to_owned()))?;
-                let wanted = gonio_fitter::Options { model, max_angle: options.build.largest, ..Default::default() };
+                let wanted =
+                    gonio_fitter::Options { model, max_angle: options.build.largest, ..Default::default() };
                 let file = gonio_fitter::fit(&observations, &wanted).to_model_file();
                 written("paint.model.json", file.to_json().map_err(|e| fail(e.to_string()))?.as_bytes())
             }
@@ -227,10 +256,17 @@ impl Told<'_> {
     }
 
     fn report(&self) -> Report {
-        let mut notices: Vec<Notice> =
-            self.choice.findings.iter().map(|f| Notice { weight: Weight::Warning, text: f.to_string() }).collect();
+        let mut notices: Vec<Notice> = self
+            .choice
+            .findings
+            .iter()
+            .map(|f| Notice { weight: Weight::Warning, text: f.to_string() })
+            .collect();
         if self.choice.chosen.is_none() {
-            notices.push(Notice { weight: Weight::Failure, text: "No representation keeps the bound.".to_owned() });
+            notices.push(Notice {
+                weight: Weight::Failure,
+                text: "No representation keeps the bound.".to_owned(),
+            });
         }
         let geometries = self.scene.geometries();
         let mut figures = vec![Figure {
@@ -245,7 +281,9 @@ impl Told<'_> {
         figures.push(Figure {
             name: "geometries".to_owned(),
             picture: scene_geometries(&geometries, "What the scene looks at", Some(75.0)),
-            caption: "Weight of the local geometries: every lit pixel counts alike, its lights by their share.".to_owned(),
+            caption:
+                "Weight of the local geometries: every lit pixel counts alike, its lights by their share."
+                    .to_owned(),
             alt: "Distribution of local angles".to_owned(),
         });
         let row = |c: &SceneCandidate| {
@@ -324,7 +362,10 @@ impl Told<'_> {
                 pictures: vec![("full table".to_owned(), table, vec![]), (name.clone(), other, vec![])],
                 white: self.scene.white,
                 differences: &differences[..pixels.min(differences.len())],
-                note: format!("ΔE mean {:.2}, 95th percentile {:.2}, max {:.2}", c.pixels.mean, c.pixels.p95, c.pixels.max),
+                note: format!(
+                    "ΔE mean {:.2}, 95th percentile {:.2}, max {:.2}",
+                    c.pixels.mean, c.pixels.p95, c.pixels.max
+                ),
             }
             .draw(),
             _ => gonio_render::Picture::new(1, 1, [255; 3]),

@@ -62,7 +62,8 @@ impl Environment {
             let even = solid[i / width] / (2.0 * TAU);
             if total > 0.0 { 0.9 * light(i) / total + 0.1 * even } else { even }
         };
-        let (mut rows, mut texels, mut above) = (Vec::with_capacity(height), Vec::with_capacity(radiance.len()), 0.0);
+        let (mut rows, mut texels, mut above) =
+            (Vec::with_capacity(height), Vec::with_capacity(radiance.len()), 0.0);
         for r in 0..height {
             let mut sum = 0.0;
             for c in 0..width {
@@ -85,13 +86,21 @@ impl Environment {
             let up = theta.cos();
             let grey = match sky {
                 Sky::Uniform => 1.0,
-                Sky::Overcast => if up > 0.0 { (1.0 + 2.0 * up) / 3.0 } else { 0.1 },
+                Sky::Overcast => {
+                    if up > 0.0 {
+                        (1.0 + 2.0 * up) / 3.0
+                    } else {
+                        0.1
+                    }
+                }
                 Sky::Studio => {
                     let within = |x: f64, middle: f64, half: f64| (x - middle).abs() <= half;
                     let (deg, turn) = (theta.to_degrees(), around.to_degrees());
                     if deg < 32.0 {
                         6.0
-                    } else if within(deg, 68.0, 18.0) && (within(turn, 118.0, 14.0) || within(turn, 262.0, 8.0)) {
+                    } else if within(deg, 68.0, 18.0)
+                        && (within(turn, 118.0, 14.0) || within(turn, 262.0, 8.0))
+                    {
                         4.0
                     } else if up > 0.0 {
                         0.25
@@ -103,11 +112,19 @@ impl Environment {
             [grey as f32; 3]
         };
         // whole texels of finite light: always accepted
-        Self::new(width, height, (0..width * height).map(texel).collect(), factor).unwrap_or_else(|| Self::black())
+        Self::new(width, height, (0..width * height).map(texel).collect(), factor)
+            .unwrap_or_else(|| Self::black())
     }
 
     fn black() -> Self {
-        let map = Map { width: 1, height: 1, radiance: vec![[0.0; 3]], solid: vec![2.0 * TAU], rows: vec![1.0], texels: vec![1.0] };
+        let map = Map {
+            width: 1,
+            height: 1,
+            radiance: vec![[0.0; 3]],
+            solid: vec![2.0 * TAU],
+            rows: vec![1.0],
+            texels: vec![1.0],
+        };
         Self { map: Arc::new(map), turn: 0.0 }
     }
 
@@ -116,17 +133,23 @@ impl Environment {
     /// # Errors
     /// What is wrong with the file, in words.
     pub fn open(path: &Path, factor: Rgb) -> Result<Self, String> {
-        let create = |size: exr::prelude::Vec2<usize>, _: &exr::prelude::RgbaChannels| (size, vec![[0.0f32; 3]; size.area()]);
-        let set = |image: &mut (exr::prelude::Vec2<usize>, Vec<[f32; 3]>), at: exr::prelude::Vec2<usize>, (r, g, b, _): (f32, f32, f32, f32)| {
+        let create = |size: exr::prelude::Vec2<usize>, _: &exr::prelude::RgbaChannels| {
+            (size, vec![[0.0f32; 3]; size.area()])
+        };
+        let set = |image: &mut (exr::prelude::Vec2<usize>, Vec<[f32; 3]>),
+                   at: exr::prelude::Vec2<usize>,
+                   (r, g, b, _): (f32, f32, f32, f32)| {
             let place = at.y() * image.0.x() + at.x();
             if let Some(p) = image.1.get_mut(place) {
                 *p = [r, g, b];
             }
         };
-        let read = exr::prelude::read_first_rgba_layer_from_file(path, create, set).map_err(|e| e.to_string())?;
+        let read =
+            exr::prelude::read_first_rgba_layer_from_file(path, create, set).map_err(|e| e.to_string())?;
         let (size, values) = read.layer_data.channel_data.pixels;
-        Self::new(size.x(), size.y(), values, factor)
-            .ok_or_else(|| format!("{} × {} texels of which some are negative or not finite", size.x(), size.y()))
+        Self::new(size.x(), size.y(), values, factor).ok_or_else(|| {
+            format!("{} × {} texels of which some are negative or not finite", size.x(), size.y())
+        })
     }
 
     /// Turned about the vertical.

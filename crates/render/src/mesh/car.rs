@@ -63,6 +63,10 @@ fn section(x: f64, around: f64) -> Vec3 {
     let cabin = smooth(x, -1.75, -0.75) * (1.0 - smooth(x, 0.25, 1.15));
     // the cabin stands on the inner part of the roof alone
     let inside = (1.0 - smooth(across.abs(), 0.35, 1.0)) * smooth(s, 0.0, 0.75);
-    let y = if s >= 0.0 { middle + belt * up + 0.39 * cabin * inside } else { middle + 0.32 * round * power(s, 0.35) };
+    let y = if s >= 0.0 {
+        middle + belt * up + 0.39 * cabin * inside
+    } else {
+        middle + 0.32 * round * power(s, 0.35)
+    };
     Vec3::new(x, y, width * across * (1.0 - 0.10 * cabin * inside))
 }

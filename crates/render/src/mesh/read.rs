@@ -57,8 +57,10 @@ pub fn open_obj(path: &Path) -> Result<(Mesh, Vec<MeshFinding>), MeshError> {
 pub fn open_gltf(path: &Path) -> Result<(Mesh, Vec<MeshFinding>), MeshError> {
     let refuse = |reason: String| MeshError::Read { path: path.display().to_string(), reason };
     let file = gltf::Gltf::open(path).map_err(|e| refuse(e.to_string()))?;
-    let buffers = gltf::import_buffers(&file.document, path.parent(), file.blob).map_err(|e| refuse(e.to_string()))?;
-    let mut parts = Parts { buffers: &buffers, positions: Vec::new(), normals: Vec::new(), faces: Vec::new() };
+    let buffers =
+        gltf::import_buffers(&file.document, path.parent(), file.blob).map_err(|e| refuse(e.to_string()))?;
+    let mut parts =
+        Parts { buffers: &buffers, positions: Vec::new(), normals: Vec::new(), faces: Vec::new() };
     let scene = file.document.default_scene().or_else(|| file.document.scenes().next());
     let identity = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
     match scene {

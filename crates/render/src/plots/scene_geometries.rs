@@ -29,8 +29,20 @@ pub fn scene_geometries(geometries: &[(Geometry, f64)], heading: &str, limit_deg
     title(&mut canvas, heading);
     let area = |k: f64| Area::new(56.0 + k * (SIDE + 56.0), top, SIDE, SIDE);
     plane(&mut canvas, area(0.0), geometries, total, limit_deg);
-    bars(&mut canvas, area(1.0), &of(|g| g.phi.folded().degrees(), 180.0), 180.0, "azimuth φ, degrees (180: mirror side)");
-    bars(&mut canvas, area(2.0), &of(|g| g.from_mirror().degrees(), 180.0), 180.0, "from the mirror direction, degrees");
+    bars(
+        &mut canvas,
+        area(1.0),
+        &of(|g| g.phi.folded().degrees(), 180.0),
+        180.0,
+        "azimuth φ, degrees (180: mirror side)",
+    );
+    bars(
+        &mut canvas,
+        area(2.0),
+        &of(|g| g.from_mirror().degrees(), 180.0),
+        180.0,
+        "from the mirror direction, degrees",
+    );
     canvas.finish()
 }
 
@@ -70,11 +82,28 @@ fn bars(canvas: &mut Canvas, area: Area, bins: &[f64], most_deg: f64, label: &st
     let wide = area.w / bins.len() as f64;
     for (k, b) in bins.iter().enumerate() {
         let h = area.h * 0.94 * b / most;
-        canvas.fill(Area::new(area.x + k as f64 * wide, area.bottom() - h, wide, h), ColourMap::Viridis.at(0.35), 1.0);
+        canvas.fill(
+            Area::new(area.x + k as f64 * wide, area.bottom() - h, wide, h),
+            ColourMap::Viridis.at(0.35),
+            1.0,
+        );
     }
-    canvas.line((area.x, area.bottom() - 0.94 * area.h), (area.right(), area.bottom() - 0.94 * area.h), 0.5, FAINT);
-    let words = format!("{} % of the light in {} degrees", short((1000.0 * most).round() / 10.0), short(most_deg / bins.len() as f64));
-    canvas.text((area.right() - 4.0, area.bottom() - 0.94 * area.h - 3.0), &words, &Text::new(9.0, MUTED).at(Anchor::End, Anchor::End));
+    canvas.line(
+        (area.x, area.bottom() - 0.94 * area.h),
+        (area.right(), area.bottom() - 0.94 * area.h),
+        0.5,
+        FAINT,
+    );
+    let words = format!(
+        "{} % of the light in {} degrees",
+        short((1000.0 * most).round() / 10.0),
+        short(most_deg / bins.len() as f64)
+    );
+    canvas.text(
+        (area.right() - 4.0, area.bottom() - 0.94 * area.h - 3.0),
+        &words,
+        &Text::new(9.0, MUTED).at(Anchor::End, Anchor::End),
+    );
     frame(canvas, area, most_deg, label);
 }
 
@@ -84,9 +113,17 @@ fn frame(canvas: &mut Canvas, area: Area, most_deg: f64, label: &str) {
         let x = area.x + scale.fraction(tick.value) * area.w;
         canvas.line((x, area.bottom()), (x, area.bottom() + 4.0), 0.7, INK);
         if let Some(words) = &tick.label {
-            canvas.text((x, area.bottom() + 8.0), words, &Text::new(10.0, INK).at(Anchor::Middle, Anchor::Start));
+            canvas.text(
+                (x, area.bottom() + 8.0),
+                words,
+                &Text::new(10.0, INK).at(Anchor::Middle, Anchor::Start),
+            );
         }
     }
     canvas.outline(area, 0.8, INK);
-    canvas.text((area.centre().0, area.bottom() + 26.0), label, &Text::new(10.5, INK).at(Anchor::Middle, Anchor::Start));
+    canvas.text(
+        (area.centre().0, area.bottom() + 26.0),
+        label,
+        &Text::new(10.5, INK).at(Anchor::Middle, Anchor::Start),
+    );
 }

@@ -22,7 +22,8 @@ impl Scene {
     /// [`SceneError`].
     pub fn open(path: &Path) -> Result<Self, SceneError> {
         let shown = path.display().to_string();
-        let text = std::fs::read_to_string(path).map_err(|source| SceneError::Read { path: shown.clone(), source })?;
+        let text = std::fs::read_to_string(path)
+            .map_err(|source| SceneError::Read { path: shown.clone(), source })?;
         let file = SceneFile::from_toml(&text, &shown)?;
         let mut scene = Self::build(&file, path.parent().unwrap_or(Path::new(".")))?;
         if scene.name.is_empty() {
@@ -48,12 +49,15 @@ impl Scene {
         if file.lights.is_empty() {
             return Err(SceneError::value("light", "none", "at least one [[light]]"));
         }
-        let lamps = file.lights.iter().enumerate().map(|(k, l)| lamp(k, l, folder)).collect::<Result<Vec<_>, _>>()?;
+        let lamps =
+            file.lights.iter().enumerate().map(|(k, l)| lamp(k, l, folder)).collect::<Result<Vec<_>, _>>()?;
         let (body, findings) = body(&file.object, folder)?;
         let camera = camera(&file.camera)?;
         let turns = |key: &str, range: &Option<super::file::Range>| match range {
             None => Ok(vec![Angle::ZERO]),
-            Some(r) if r.steps >= 1 && r.from_deg.is_finite() && r.to_deg.is_finite() => Ok(steps(r.from_deg, r.to_deg, r.steps)),
+            Some(r) if r.steps >= 1 && r.from_deg.is_finite() && r.to_deg.is_finite() => {
+                Ok(steps(r.from_deg, r.to_deg, r.steps))
+            }
             Some(r) => Err(SceneError::value(key, r, "finite from_deg and to_deg, at least one step")),
         };
         let orbit = turns("camera.orbit", &file.camera.orbit)?;
@@ -83,20 +87,33 @@ impl Scene {
 }
 
 fn finite(key: &str, v: [f64; 3]) -> Result<Vec3, SceneError> {
-    if v.iter().all(|x| x.is_finite()) { Ok(Vec3::from(v)) } else { Err(SceneError::value(key, v, "three finite numbers")) }
+    if v.iter().all(|x| x.is_finite()) {
+        Ok(Vec3::from(v))
+    } else {
+        Err(SceneError::value(key, v, "three finite numbers"))
+    }
 }
 
 fn camera(keys: &CameraKeys) -> Result<Camera, SceneError> {
-    let (from, to, up) = (finite("camera.from", keys.from)?, finite("camera.to", keys.to)?, finite("camera.up", keys.up)?);
+    let (from, to, up) =
+        (finite("camera.from", keys.from)?, finite("camera.to", keys.to)?, finite("camera.up", keys.up)?);
     let forwards = (to - from).normalized();
     let right = forwards.cross(up);
     if (to - from).norm() < 1e-9 || right.norm() < 1e-9 * up.norm().max(1e-9) {
-        return Err(SceneError::value("camera", (keys.from, keys.to, keys.up), "from and to apart, and up not along the line between them"));
+        return Err(SceneError::value(
+            "camera",
+            (keys.from, keys.to, keys.up),
+            "from and to apart, and up not along the line between them",
+        ));
     }
     let right = right.normalized();
     let (half_height, parallel) = match (keys.field_of_view_deg, keys.height) {
         (Some(_), Some(_)) => {
-            return Err(SceneError::value("camera.height", keys.height, "either height (parallel rays) or field_of_view_deg"));
+            return Err(SceneError::value(
+                "camera.height",
+                keys.height,
+                "either height (parallel rays) or field_of_view_deg",
+            ));
         }
         (None, Some(h)) if h.is_finite() && h > 0.0 => (0.5 * h, true),
         (None, Some(h)) => return Err(SceneError::value("camera.height", h, "a length above 0")),
@@ -114,7 +131,11 @@ fn camera(keys: &CameraKeys) -> Result<Camera, SceneError> {
 fn lamp(k: usize, keys: &LightKeys, folder: &Path) -> Result<Lamp, SceneError> {
     let key = |name: &str| format!("light[{k}].{name}");
     let light = |name: &str, v: [f64; 3]| {
-        if v.iter().all(|x| x.is_finite() && *x >= 0.0) { Ok(v) } else { Err(SceneError::value(key(name), v, "three numbers of 0 and more")) }
+        if v.iter().all(|x| x.is_finite() && *x >= 0.0) {
+            Ok(v)
+        } else {
+            Err(SceneError::value(key(name), v, "three numbers of 0 and more"))
+        }
     };
     match keys {
         LightKeys::Directional { towards, irradiance, half_angle_deg } => {
@@ -125,24 +146,40 @@ fn lamp(k: usize, keys: &LightKeys, folder: &Path) -> Result<Lamp, SceneError> {
             if !(0.0..30.0).contains(half_angle_deg) {
                 return Err(SceneError::value(key("half_angle_deg"), half_angle_deg, "0 to 30 degrees"));
             }
-            Ok(Lamp::Directional { towards: d.normalized(), irradiance: light("irradiance", *irradiance)?, half_angle: Angle::from_degrees(*half_angle_deg) })
+            Ok(Lamp::Directional {
+                towards: d.normalized(),
+                irradiance: light("irradiance", *irradiance)?,
+                half_angle: Angle::from_degrees(*half_angle_deg),
+            })
         }
         LightKeys::Point { position, intensity, radius } => {
             if !(radius.is_finite() && *radius >= 0.0) {
                 return Err(SceneError::value(key("radius"), radius, "0 or more"));
             }
-            Ok(Lamp::Point { position: finite(&key("position"), *position)?, intensity: light("intensity", *intensity)?, radius: *radius })
+            Ok(Lamp::Point {
+                position: finite(&key("position"), *position)?,
+                intensity: light("intensity", *intensity)?,
+                radius: *radius,
+            })
         }
         LightKeys::Environment { file, sky, radiance, turn_deg } => {
             let factor = light("radiance", *radiance)?;
             let map = match (file, sky) {
                 (Some(name), None) => {
                     let path = folder.join(name);
-                    Environment::open(&path, factor)
-                        .map_err(|reason| SceneError::Environment { path: path.display().to_string(), reason })?
+                    Environment::open(&path, factor).map_err(|reason| SceneError::Environment {
+                        path: path.display().to_string(),
+                        reason,
+                    })?
                 }
                 (None, Some(sky)) => Environment::sky(*sky, factor),
-                _ => return Err(SceneError::value(key("file"), file, "either file = \"map.exr\" or sky = \"uniform\", \"overcast\" or \"studio\"")),
+                _ => {
+                    return Err(SceneError::value(
+                        key("file"),
+                        file,
+                        "either file = \"map.exr\" or sky = \"uniform\", \"overcast\" or \"studio\"",
+                    ));
+                }
             };
             if !turn_deg.is_finite() {
                 return Err(SceneError::value(key("turn_deg"), turn_deg, "finite degrees"));
@@ -172,7 +209,13 @@ fn body(keys: &ObjectKeys, folder: &Path) -> Result<(Body, Vec<MeshFinding>), Sc
             findings = found;
             mesh
         }
-        _ => return Err(SceneError::value("object", (&keys.shape, &keys.mesh), "either shape (sphere, egg, capsule, teapot, car) or mesh = \"file\"")),
+        _ => {
+            return Err(SceneError::value(
+                "object",
+                (&keys.shape, &keys.mesh),
+                "either shape (sphere, egg, capsule, teapot, car) or mesh = \"file\"",
+            ));
+        }
     };
     let mesh = if keys.fit { fitted(mesh) } else { mesh };
     let scale = keys.scale;

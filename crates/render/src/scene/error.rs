@@ -22,7 +22,9 @@ pub enum SceneError {
         reason: String,
     },
     /// Another kind of file, or a newer one.
-    #[error("scene {path}: expected format = \"gonio-scene\" and version = 1, found \"{format}\", version {version}")]
+    #[error(
+        "scene {path}: expected format = \"gonio-scene\" and version = 1, found \"{format}\", version {version}"
+    )]
     Format {
         /// The file.
         path: String,
@@ -45,7 +47,9 @@ pub enum SceneError {
     #[error("scene object: {0}")]
     Mesh(#[from] MeshError),
     /// The map of the environment.
-    #[error("environment map {path}: {reason}; expected an OpenEXR image of a whole sphere, twice as wide as high")]
+    #[error(
+        "environment map {path}: {reason}; expected an OpenEXR image of a whole sphere, twice as wide as high"
+    )]
     Environment {
         /// The file.
         path: String,
@@ -68,7 +72,9 @@ pub enum SceneError {
         look: String,
     },
     /// No light reaches what is seen.
-    #[error("nothing is visible: no light reaches what the camera sees of the object; turn a light, or add one on the camera's side")]
+    #[error(
+        "nothing is visible: no light reaches what the camera sees of the object; turn a light, or add one on the camera's side"
+    )]
     Dark,
 }
 

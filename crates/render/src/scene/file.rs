@@ -189,7 +189,11 @@ impl SceneFile {
         let file: Self = toml::from_str(text)
             .map_err(|e| SceneError::Syntax { path: path.to_owned(), reason: e.to_string() })?;
         if file.format != FORMAT || file.version != 1 {
-            return Err(SceneError::Format { path: path.to_owned(), format: file.format, version: file.version });
+            return Err(SceneError::Format {
+                path: path.to_owned(),
+                format: file.format,
+                version: file.version,
+            });
         }
         Ok(file)
     }

@@ -72,7 +72,8 @@ impl Body {
                 Triangle { v0, v1, v2 }
             })
             .collect();
-        let bvh = build_cwbvh_from_tris(&all, BvhBuildParams::medium_build(), &mut std::time::Duration::default());
+        let bvh =
+            build_cwbvh_from_tris(&all, BvhBuildParams::medium_build(), &mut std::time::Duration::default());
         let places = bvh.primitive_indices.clone();
         let triangles = places.iter().map(|&i| all[i as usize]).collect();
         Self { kind: Kind::Mesh(Box::new(Tree { mesh, bvh, triangles, places, centre, radius })) }

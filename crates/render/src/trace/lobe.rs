@@ -29,7 +29,11 @@ impl Mixture {
     /// A local direction (z the normal) for the local view; it may point below the horizon, where it counts nothing.
     #[must_use]
     pub fn draw(self, view: Vec3, (u, v): (f64, f64)) -> Vec3 {
-        let (lobe, u) = if self.has_lobe() { if u < 0.5 { (false, 2.0 * u) } else { (true, 2.0 * u - 1.0) } } else { (false, u) };
+        let (lobe, u) = if self.has_lobe() {
+            if u < 0.5 { (false, 2.0 * u) } else { (true, 2.0 * u - 1.0) }
+        } else {
+            (false, u)
+        };
         let (s, c) = (TAU * v).sin_cos();
         if lobe {
             let z = (1.0 - u).powf(1.0 / (self.exponent + 1.0));
@@ -68,7 +72,10 @@ mod tests {
             // the mean of (something)/density over draws is its integral over the sphere
             let (mut area, mut test) = (0.0, 0.0);
             for k in 0..n {
-                let l = m.draw(view, ((f64::from(k) + 0.5) / f64::from(n), (f64::from(k) * 0.618_033_988_75).fract()));
+                let l = m.draw(
+                    view,
+                    ((f64::from(k) + 0.5) / f64::from(n), (f64::from(k) * 0.618_033_988_75).fract()),
+                );
                 assert!((l.norm() - 1.0).abs() < 1e-9);
                 let p = m.density(l, view);
                 if l.z > 0.0 {
@@ -77,7 +84,11 @@ mod tests {
                 }
             }
             assert!((area / f64::from(n) / PI - 1.0).abs() < 0.01, "{sharpness}: {}", area / f64::from(n));
-            assert!((test / f64::from(n) / (0.5 * PI) - 1.0).abs() < 0.01, "{sharpness}: {}", test / f64::from(n));
+            assert!(
+                (test / f64::from(n) / (0.5 * PI) - 1.0).abs() < 0.01,
+                "{sharpness}: {}",
+                test / f64::from(n)
+            );
         }
     }
 }

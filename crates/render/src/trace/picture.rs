@@ -38,7 +38,12 @@ impl Default for RenderOptions<'_> {
 }
 
 /// Rays of a pixel's sample through the picture.
-pub(super) fn camera_ray(scene: &Scene, view: &View, [col, row]: [u32; 2], (fx, fy): (f64, f64)) -> (Vec3, Vec3) {
+pub(super) fn camera_ray(
+    scene: &Scene,
+    view: &View,
+    [col, row]: [u32; 2],
+    (fx, fy): (f64, f64),
+) -> (Vec3, Vec3) {
     let [wide, high] = scene.size.map(f64::from);
     let x = (2.0 * (f64::from(col) + fx) / wide - 1.0) * wide / high;
     let y = 1.0 - 2.0 * (f64::from(row) + fy) / high;
@@ -49,9 +54,15 @@ pub(super) fn camera_ray(scene: &Scene, view: &View, [col, row]: [u32; 2], (fx, 
 ///
 /// # Errors
 /// [`SceneError::NothingVisible`] where no pixel shows the object.
-pub fn render(scene: &Scene, view: &View, paint: Paint<'_>, options: RenderOptions<'_>) -> Result<LinearImage, SceneError> {
+pub fn render(
+    scene: &Scene,
+    view: &View,
+    paint: Paint<'_>,
+    options: RenderOptions<'_>,
+) -> Result<LinearImage, SceneError> {
     let [wide, high] = scene.size;
-    let shader = Shader { scene, view, mixture: Mixture::new(paint.brdf.sharpness()), cosine: options.cosine };
+    let shader =
+        Shader { scene, view, mixture: Mixture::new(paint.brdf.sharpness()), cosine: options.cosine };
     let tracer = Tracer { shader, paint, bounces: options.bounces };
     let rows: Vec<Vec<([f32; 3], f32, bool)>> = (0..high)
         .into_par_iter()

@@ -21,7 +21,8 @@ impl Sequence {
 
     /// The next two.
     pub fn pair(&mut self) -> (f64, f64) {
-        let hash = mix(self.key.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ mix(self.pair.wrapping_add(0x51_7c_c1_b7)));
+        let hash =
+            mix(self.key.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ mix(self.pair.wrapping_add(0x51_7c_c1_b7)));
         self.pair += 1;
         let place = f64::from(permuted(self.index, self.count, hash as u32));
         let shift = |bits: u64| (bits >> 11) as f64 / (1u64 << 53) as f64;

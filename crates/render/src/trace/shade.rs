@@ -36,7 +36,8 @@ impl Vertex {
             hit.normal
         };
         let tangents = normal.orthonormal_basis();
-        let mut v = Self { position: hit.position, geometric: hit.geometric, tangents, normal, view: Vec3::Z };
+        let mut v =
+            Self { position: hit.position, geometric: hit.geometric, tangents, normal, view: Vec3::Z };
         v.view = v.local(back);
         v
     }
@@ -98,7 +99,9 @@ impl Shader<'_> {
         };
         for lamp in &self.view.lamps {
             match lamp {
-                Lamp::Directional { towards, irradiance, .. } => add(*towards, f64::INFINITY, *irradiance, 1.0),
+                Lamp::Directional { towards, irradiance, .. } => {
+                    add(*towards, f64::INFINITY, *irradiance, 1.0)
+                }
                 Lamp::Point { position, intensity, .. } => {
                     let d = *position - v.position;
                     let r = d.norm();

@@ -2,14 +2,15 @@
 //!
 //! A pose lights the sample at one θi and sees the whole hemisphere. What it does not visit is filled from what it does: by reciprocity, in flake space under
 //! a coat, smoothly between rows. So the planner asks the filling itself: it measures a likely material virtually with a set of poses, fills the table, renders the
-//! scene, and compares with the material. Poses are added one by one, each the one that lowers the error most, until the bound is kept. In an adaptive scan the
-//! likely material is what was measured so far ([`next_pose`]).
+//! scene, and compares with the material. Poses are added one by one, each the one that lowers the error most of those in the middle of what is still open,
+//! until the bound is kept. In an adaptive scan the likely material is what was measured so far ([`next_pose`]).
 
 use gonio_brdf::{Brdf, Flag, Grid, Meaning, Measured};
 use gonio_instrument::{Description, Plan};
-use gonio_optics::{Angle, Geometry};
+use gonio_optics::{Angle, Geometry, colour};
 use gonio_render::sphere::LinearImage;
 use gonio_render::trace::Gathered;
+use rayon::prelude::*;
 
 use crate::choice::of_function;
 use crate::pixels::{pixel_differences, spread};
@@ -206,22 +207,30 @@ pub fn plan(
     let all = rows_of(&instrument.plan);
     let full = Expected { delta_e: mean_error(&likely, &all, options.fill)?, tilt_deg: all.clone() };
     let bound = options.bound.unwrap_or(1.05 * full.delta_e + 0.01);
+    let demand = demand(scene);
     let (mut chosen, mut steps, mut left): (Vec<f64>, Vec<(f64, f64)>, Vec<f64>) =
         (Vec::new(), Vec::new(), all);
     let mut error = f64::INFINITY;
     while error > bound && !left.is_empty() {
-        let mut best = (0, f64::INFINITY);
-        for (k, &tilt) in left.iter().enumerate() {
-            let with: Vec<f64> = chosen.iter().copied().chain([tilt]).collect();
-            let e = mean_error(&likely, &with, options.fill)?;
+        let tried = worth_trying(&chosen, &left, &demand);
+        let found: Vec<Result<f64, PlanError>> = tried
+            .par_iter()
+            .map(|tilt| {
+                let with: Vec<f64> = chosen.iter().copied().chain([*tilt]).collect();
+                mean_error(&likely, &with, options.fill)
+            })
+            .collect();
+        let mut best = (left[0], f64::INFINITY);
+        for (tilt, e) in tried.into_iter().zip(found) {
+            let e = e?;
             if e < best.1 {
-                best = (k, e);
+                best = (tilt, e);
             }
         }
-        let tilt = left.remove(best.0);
-        chosen.push(tilt);
+        left.retain(|t| *t != best.0);
+        chosen.push(best.0);
         error = best.1;
-        steps.push((tilt, error));
+        steps.push(best);
     }
     // a pose taken early may have become superfluous
     for tilt in chosen.clone() {
@@ -235,7 +244,8 @@ pub fn plan(
         }
     }
     chosen.sort_by(f64::total_cmp);
-    let plan = Plan { tilt_deg: chosen.clone(), ..instrument.plan.clone() };
+    let max_exposures = exposures(scene, materials).min(instrument.plan.max_exposures);
+    let plan = Plan { tilt_deg: chosen.clone(), max_exposures, ..instrument.plan.clone() };
     Ok(ScenePlan {
         plan,
         expected: Expected { tilt_deg: chosen, delta_e: error },
@@ -245,6 +255,68 @@ pub fn plan(
         steps,
         reach,
     })
+}
+
+/// Most poses that are tried at each step.
+const TRIED: usize = 4;
+
+/// The poses that may lower the error most: those in the middle of the gaps between poses already taken, the gaps with the most of the scene's light and the
+/// widest first. The first pose is the one nearest to the median of what the scene asks for.
+fn worth_trying(chosen: &[f64], left: &[f64], demand: &[(f64, f64)]) -> Vec<f64> {
+    let nearest =
+        |to: f64, list: &[f64]| list.iter().copied().min_by(|a, b| (a - to).abs().total_cmp(&(b - to).abs()));
+    if chosen.is_empty() {
+        return nearest(median(demand), left).into_iter().collect();
+    }
+    let mut edges: Vec<f64> = chosen.to_vec();
+    edges.sort_by(f64::total_cmp);
+    edges.insert(0, 0.0);
+    edges.push(90.0);
+    let mut gaps: Vec<(f64, f64)> = edges
+        .windows(2)
+        .filter_map(|g| {
+            let inside: Vec<f64> = left.iter().copied().filter(|t| (g[0]..=g[1]).contains(t)).collect();
+            // beside nothing the ends themselves count: the first gap asks for 0, the last for the largest tilt there is
+            let middle = nearest(0.5 * (g[0] + g[1]), &inside)?;
+            let w: f64 = demand.iter().filter(|d| (g[0]..=g[1]).contains(&d.0)).map(|d| d.1).sum();
+            Some((middle, w * (g[1] - g[0]).powi(2)))
+        })
+        .collect();
+    gaps.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let mut out: Vec<f64> = gaps.into_iter().take(TRIED).map(|g| g.0).collect();
+    out.dedup();
+    out
+}
+
+/// Exposures that a bracket may need for what the scene sees: one for each factor 4.5 between its darkest and its brightest radiance (a hundredth of the
+/// light left out at either end), and four to find the middle and to overlap.
+fn exposures(scene: &Gathered, materials: &[LikelyMaterial<'_>]) -> u32 {
+    let geometries = scene.geometries();
+    let range = materials
+        .iter()
+        .map(|m| {
+            let mut seen: Vec<(f64, f64)> = geometries
+                .iter()
+                .map(|(g, w)| {
+                    let (l, v) = g.directions();
+                    (colour::luminance(m.brdf.eval(l, v)) * l.z.max(0.0), *w)
+                })
+                .filter(|s| s.0 > 0.0)
+                .collect();
+            seen.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let at = |share: f64| {
+                let mut passed = 0.0;
+                seen.iter()
+                    .find(|s| {
+                        passed += s.1;
+                        passed >= share
+                    })
+                    .map_or(1.0, |s| s.0)
+            };
+            at(0.99) / at(0.01)
+        })
+        .fold(1.0, f64::max);
+    4 + (range.ln() / 4.5f64.ln()).ceil().clamp(0.0, 60.0) as u32
 }
 
 /// Tilts of a plan, each once.

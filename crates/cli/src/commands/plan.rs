@@ -56,8 +56,9 @@ pub fn run(a: &PlanArguments, printer: Printer) -> Result<Outcome, Failure> {
     write(a, &found.plan)?;
     let (few, all) = (poses(found.expected.tilt_deg.len()), poses(found.full.tilt_deg.len()));
     let mut text = format!(
-        "{name}: {few} of {all} poses, tilts {}\n  expected mean ΔE of the pictures {:.3}, with the full plan {:.3} (bound {:.3})\n  of the scene's light {:.1} % is measured as it is, {:.1} % with light and view \
+        "{name}: {few} of {all} poses, up to {} exposures each, tilts {}\n  expected mean ΔE of the pictures {:.3}, with the full plan {:.3} (bound {:.3})\n  of the scene's light {:.1} % is measured as it is, {:.1} % with light and view \
          exchanged, {:.1} % is continued beyond 75°\n  written to {}",
+        found.plan.max_exposures,
         found.expected.tilt_deg.iter().map(|t| format!("{t}°")).collect::<Vec<_>>().join(", "),
         found.expected.delta_e,
         found.full.delta_e,
@@ -75,7 +76,7 @@ pub fn run(a: &PlanArguments, printer: Printer) -> Result<Outcome, Failure> {
         &json!({
             "scene": name, "instrument": instrument.name, "output": shown(&a.output), "adaptive": false,
             "tilt_deg": found.expected.tilt_deg, "poses": few, "full_poses": all,
-            "saving": 1.0 - few as f64 / all.max(1) as f64,
+            "max_exposures": found.plan.max_exposures, "saving": 1.0 - few as f64 / all.max(1) as f64,
             "expected_delta_e": found.expected.delta_e, "full_delta_e": found.full.delta_e, "bound": found.bound,
             "steps": found.steps.iter().map(|(t, e)| json!({ "tilt_deg": t, "expected_delta_e": e })).collect::<Vec<_>>(),
             "reach": { "measured": found.reach.measured, "exchanged": found.reach.exchanged, "beyond": found.reach.beyond },

@@ -20,13 +20,15 @@ pub type Fill<'a> = &'a (dyn Fn(&mut Measured) + Sync);
 
 /// Largest polar viewing angle that a pose measures, degrees; the rest is continued.
 pub const LIMIT_DEG: f64 = 75.0;
+/// ΔE that nobody sees, a twentieth of what side by side can just be told apart: allowed beside 5 % where no bound is given.
+const ALLOWED: f64 = 0.05;
 
 /// What is asked for.
 #[derive(Clone, Copy)]
 pub struct PlanOptions<'a> {
     /// How a scan fills its table.
     pub fill: Fill<'a>,
-    /// Mean ΔE over the scene's pixels that will do; `None`: that of the full plan and 5 % more.
+    /// Mean ΔE over the scene's pixels that will do; `None`: that of the full plan, 5 % and 0.05 more.
     pub bound: Option<f64>,
 }
 
@@ -206,7 +208,7 @@ pub fn plan(
         materials.iter().map(|m| Likely::new(*m, scene, instrument.lamp.half_angle())).collect();
     let all = rows_of(&instrument.plan);
     let full = Expected { delta_e: mean_error(&likely, &all, options.fill)?, tilt_deg: all.clone() };
-    let bound = options.bound.unwrap_or(1.05 * full.delta_e + 0.01);
+    let bound = options.bound.unwrap_or(1.05 * full.delta_e + ALLOWED);
     let demand = demand(scene);
     let (mut chosen, mut steps, mut left): (Vec<f64>, Vec<(f64, f64)>, Vec<f64>) =
         (Vec::new(), Vec::new(), all);

@@ -113,7 +113,7 @@ pub struct PlanArguments {
     /// What the sample is likely to resemble: models or earlier measurements; by default three paints, metallic, coloured and matt
     #[arg(long, value_name = "M")]
     pub like: Vec<String>,
-    /// Mean colour difference (CIEDE2000) of the scene's pixels that will do; by default that of the full plan and 5 % more
+    /// Mean colour difference (CIEDE2000) of the scene's pixels that will do; by default that of the full plan, 5 % and 0.05 more
     #[arg(long)]
     pub max_delta_e: Option<f64>,
     /// Adaptive: the next pose after what this table holds (the .nc of `gonio scan --fit` or `gonio replay`); the plan has that pose alone

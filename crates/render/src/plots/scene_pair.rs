@@ -26,13 +26,25 @@ pub struct SceneRow<'a> {
 }
 
 const GAP: f64 = 12.0;
+/// Pixels that the longer side of a picture has at least, if whole numbers allow it.
+const SMALLEST: u32 = 400;
+
+fn enlarged(picture: &Picture, times: u32) -> Picture {
+    if times == 1 {
+        return picture.clone();
+    }
+    let (w, h) = (picture.width() * times, picture.height() * times);
+    Picture::from_fn(w, h, |x, y| picture.get(x / times, y / times).unwrap_or([255; 3]))
+}
 
 impl SceneRow<'_> {
     /// Draws it.
     #[must_use]
     pub fn draw(&self) -> Picture {
         let (w, h) = self.pictures.first().map_or((1, 1), |p| (p.1.width, p.1.height));
-        let (pw, ph) = (f64::from(w) / PIXELS_PER_POINT, f64::from(h) / PIXELS_PER_POINT);
+        // small pictures are enlarged, a whole number of times, so that captions have room
+        let times = (SMALLEST / w.max(h).max(1)).max(1);
+        let (pw, ph) = (f64::from(w * times) / PIXELS_PER_POINT, f64::from(h * times) / PIXELS_PER_POINT);
         let columns = self.pictures.len() + usize::from(!self.differences.is_empty());
         let top = if self.title.is_empty() { 26.0 } else { 50.0 };
         let bar_room: f64 = if self.differences.is_empty() { 0.0 } else { 40.0 };
@@ -54,7 +66,7 @@ impl SceneRow<'_> {
                     shown.set(px, py, [255, 0, 160]);
                 }
             }
-            canvas.place((x, top), &shown);
+            canvas.place((x, top), &enlarged(&shown, times));
         }
         if !self.differences.is_empty() {
             let x = GAP + self.pictures.len() as f64 * (pw + GAP);
@@ -71,7 +83,7 @@ impl SceneRow<'_> {
                 let i = py as usize * w as usize + px as usize;
                 self.differences.get(i).copied().flatten().map_or([255; 3], |d| bar.colour(d))
             });
-            canvas.place((x, top), &map);
+            canvas.place((x, top), &enlarged(&map, times));
             bar.draw_lying(&mut canvas, Area::new(x + 6.0, top + ph + 8.0, pw - 12.0, 9.0));
         }
         if !self.note.is_empty() {

@@ -214,6 +214,58 @@ fn a_plan_for_a_scene_is_smaller_and_runs() {
 }
 
 #[test]
+fn an_adaptive_scan_ends_when_the_scene_has_enough() {
+    let dir = folder();
+    let scan = |bound: &str, name: &str| {
+        json_of(&gonio(
+            dir.path(),
+            &[
+                "--json",
+                "scan",
+                "--device",
+                "sim",
+                "--instrument",
+                "tiny",
+                "--truth",
+                "paint.json",
+                "--fit=lambert",
+                "--scene",
+                "product.toml",
+                "--max-delta-e",
+                bound,
+                "-o",
+                name,
+            ],
+        ))
+    };
+    let loose = scan("60", "loose.mcap");
+    let (done, total) = (loose["poses_done"].as_u64().unwrap(), loose["poses_total"].as_u64().unwrap());
+    assert!((2..total).contains(&done), "{done} of {total}");
+    // a bound that nothing keeps asks for every pose
+    let strict = scan("0.000001", "strict.mcap");
+    assert_eq!(strict["poses_done"].as_u64().unwrap(), total);
+    // the table tells the next pose as well
+    let next = json_of(&gonio(
+        dir.path(),
+        &[
+            "--json",
+            "plan",
+            "--scene",
+            "product.toml",
+            "--instrument",
+            "tiny",
+            "--after",
+            "loose.nc",
+            "--max-delta-e",
+            "0.000001",
+            "-o",
+            "next.toml",
+        ],
+    ));
+    assert!(next["tilt_deg"].is_number() && dir.path().join("next.toml").is_file(), "{next}");
+}
+
+#[test]
 fn scenes_that_cannot_be_used_say_what_would_help() {
     let dir = folder();
     let write = |name: &str, text: String| std::fs::write(dir.path().join(name), text).unwrap();

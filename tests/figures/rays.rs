@@ -67,7 +67,7 @@ pub fn figures() -> Vec<Figure> {
         if theirs.is_empty() {
             out.push(Figure::said(
                 format!("camera samples, {threads} thread(s), Mitsuba did not run"),
-                rate,
+                rate.clone(),
                 "stated",
                 None,
                 true,

@@ -3,7 +3,6 @@
 use std::path::Path;
 use std::process::Command;
 
-use gonio_brdf::Brdf;
 use gonio_brdf::ModelFile;
 use gonio_brdf::maps::{ColourMap, FlakeFitOptions, FlakeMap, Region, Sample};
 use gonio_optics::isoline::Method;

@@ -50,7 +50,7 @@ impl Lamp {
         }
     }
 
-    /// Irradiance that it gives a surface at `place` with unit normal `n`, nothing in between. Of an environment the sum over its texels.
+    /// Irradiance that it gives a surface at `place` with unit normal `n`, nothing in between. Of an environment the sum over blocks of its texels.
     #[must_use]
     pub fn irradiance(&self, place: Vec3, n: Vec3) -> Rgb {
         match self {

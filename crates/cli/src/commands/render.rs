@@ -89,6 +89,9 @@ pub fn run(a: &RenderArguments, printer: Printer) -> Result<Outcome, Failure> {
         return Err(Failure::usage(gonio_render::SceneError::Dark));
     }
     let white = scene.white();
+    let samples = scene.samples;
+    // lists of geometries take room: four samples a pixel tell enough
+    scene.samples = samples.min(4);
     let marked = if a.mark_critical { Some(marks(a, &scene, &material)?) } else { None };
     for (k, (path, image)) in outputs.iter().zip(&images).enumerate() {
         if exr {
@@ -115,14 +118,14 @@ pub fn run(a: &RenderArguments, printer: Printer) -> Result<Outcome, Failure> {
         geometries(path, &scene, brdf)?;
     }
     let unknown: usize = images.iter().map(LinearImage::missing).sum();
-    let rate = pixels as f64 * f64::from(scene.samples) * images.len() as f64 / seconds.max(1e-9);
+    let rate = pixels as f64 * f64::from(samples) * images.len() as f64 / seconds.max(1e-9);
     let mut text = format!(
         "{}: {} view(s) of {} × {} pixels, {} samples each, {seconds:.2} s, {:.2} million samples per second; written to {}",
         scene.name,
         images.len(),
         scene.size[0],
         scene.size[1],
-        scene.samples,
+        samples,
         rate / 1e6,
         outputs[0].display()
     );
@@ -137,7 +140,7 @@ pub fn run(a: &RenderArguments, printer: Printer) -> Result<Outcome, Failure> {
         &text,
         &json!({
             "input": a.input, "scene": scene.name, "representation": a.representation, "views": images.len(),
-            "size": scene.size, "samples": scene.samples, "bounces": a.bounces, "cosine": !a.no_cosine,
+            "size": scene.size, "samples": samples, "bounces": a.bounces, "cosine": !a.no_cosine,
             "coat_index": gloss.map(|c| c.index), "white_radiance": white, "seconds": seconds,
             "samples_per_second": rate, "threads": pool.current_num_threads(), "triangles": scene.body.triangles(),
             "beyond_critical_share": marked.as_ref().map(|m| m.0), "unknown_pixels": unknown,

@@ -40,6 +40,8 @@ struct Map {
     /// Running sum of the chance of each row, then of each texel within its row.
     rows: Vec<f64>,
     texels: Vec<f64>,
+    /// For sums over the whole sphere.
+    blocks: Vec<(Vec3, Rgb)>,
 }
 
 impl Environment {
@@ -73,7 +75,8 @@ impl Environment {
             above += sum;
             rows.push(above);
         }
-        Some(Self { map: Arc::new(Map { width, height, radiance, solid, rows, texels }), turn: 0.0 })
+        let blocks = blocks(width, height, &radiance, &solid);
+        Some(Self { map: Arc::new(Map { width, height, radiance, solid, rows, texels, blocks }), turn: 0.0 })
     }
 
     /// One of the skies, times `factor`.
@@ -124,6 +127,7 @@ impl Environment {
             solid: vec![2.0 * TAU],
             rows: vec![1.0],
             texels: vec![1.0],
+            blocks: Vec::new(),
         };
         Self { map: Arc::new(map), turn: 0.0 }
     }
@@ -207,25 +211,41 @@ impl Environment {
         (d, m.radiance[texel].map(f64::from), self.density_of(texel))
     }
 
-    /// Irradiance on a surface with unit normal `n`, texel by texel.
+    /// Irradiance on a surface with unit normal `n`, summed over blocks of texels (64 × 32 at most).
     #[must_use]
     pub fn irradiance(&self, n: Vec3) -> Rgb {
-        let m = &*self.map;
+        let (st, ct) = self.turn.sin_cos();
         let mut sum = [0.0; 3];
-        for row in 0..m.height {
-            let theta = PI * (row as f64 + 0.5) / m.height as f64;
-            for column in 0..m.width {
-                let around = TAU * (column as f64 + 0.5) / m.width as f64 + self.turn;
-                let d = Vec3::new(-theta.sin() * around.sin(), theta.cos(), -theta.sin() * around.cos());
-                let w = d.dot(n).max(0.0) * m.solid[row];
-                let l = m.radiance[row * m.width + column];
-                for c in 0..3 {
-                    sum[c] += w * f64::from(l[c]);
-                }
+        for (d, light) in &self.map.blocks {
+            // the block's direction turned about the vertical
+            let turned = Vec3::new(d.x * ct + d.z * st, d.y, d.z * ct - d.x * st);
+            let cos = turned.dot(n).max(0.0);
+            for c in 0..3 {
+                sum[c] += cos * light[c];
             }
         }
         sum
     }
+}
+
+/// Middle direction and radiance times solid angle of blocks of texels, at most 64 × 32.
+fn blocks(width: usize, height: usize, radiance: &[[f32; 3]], solid: &[f64]) -> Vec<(Vec3, Rgb)> {
+    let (bw, bh) = (width.div_ceil(64), height.div_ceil(32));
+    let (columns, rows) = (width.div_ceil(bw), height.div_ceil(bh));
+    let mut out = vec![(Vec3::ZERO, [0.0; 3]); columns * rows];
+    for row in 0..height {
+        let theta = PI * (row as f64 + 0.5) / height as f64;
+        for column in 0..width {
+            let around = TAU * (column as f64 + 0.5) / width as f64;
+            let d = Vec3::new(-theta.sin() * around.sin(), theta.cos(), -theta.sin() * around.cos());
+            let block = &mut out[row / bh * columns + column / bw];
+            block.0 = block.0 + d;
+            for c in 0..3 {
+                block.1[c] += f64::from(radiance[row * width + column][c]) * solid[row];
+            }
+        }
+    }
+    out.into_iter().map(|(d, l)| (d.normalized(), l)).collect()
 }
 
 #[cfg(test)]

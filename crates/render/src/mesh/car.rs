@@ -22,7 +22,7 @@ pub fn car() -> Mesh {
             positions.push(section(x, around));
         }
     }
-    let faces: Vec<[u32; 3]> = net(AROUND, ALONG, true).into_iter().map(|[a, b, c]| [a, c, b]).collect();
+    let faces = net(AROUND, ALONG, true);
     let shape = |t: &[u32; 3]| {
         let [a, b, c] = t.map(|i: u32| positions[i as usize]);
         (b - a).cross(c - a)

@@ -1,6 +1,6 @@
 //! What a ray meets: an exact sphere, or a mesh under a tree.
 //!
-//! The tree (obvhs, a compressed eight-way one) and its triangles are single precision; the place on the triangle that was met is computed again in double.
+//! The tree (obvhs, a compressed eight-way one) is in single precision, the faces under it in double.
 
 use glam::Vec3A;
 use gonio_optics::Vec3;
@@ -38,7 +38,7 @@ struct Tree {
     mesh: Mesh,
     bvh: CwBvh,
     /// In the order of the tree's leaves.
-    triangles: Vec<Triangle>,
+    triangles: Vec<[Vec3; 3]>,
     /// Triangle of the mesh for each.
     places: Vec<u32>,
     centre: Vec3,
@@ -75,7 +75,8 @@ impl Body {
         let bvh =
             build_cwbvh_from_tris(&all, BvhBuildParams::medium_build(), &mut std::time::Duration::default());
         let places = bvh.primitive_indices.clone();
-        let triangles = places.iter().map(|&i| all[i as usize]).collect();
+        let corners = |t: [u32; 3]| t.map(|i| mesh.positions[i as usize]);
+        let triangles = places.iter().map(|&i| corners(mesh.triangles[i as usize])).collect();
         Self { kind: Kind::Mesh(Box::new(Tree { mesh, bvh, triangles, places, centre, radius })) }
     }
 
@@ -130,7 +131,7 @@ impl Body {
             }
             Kind::Mesh(t) => {
                 let ray = Ray::new(single(origin), single(direction), 0.0, distance as f32);
-                !t.bvh.ray_traverse_miss(ray, |ray, id| meet(&t.triangles[id], ray))
+                !t.bvh.ray_traverse_miss(ray, |_, id| meet(&t.triangles[id], origin, direction) as f32)
             }
         }
     }
@@ -153,7 +154,10 @@ impl Tree {
     fn hit(&self, origin: Vec3, direction: Vec3) -> Option<Hit> {
         let ray = Ray::new_inf(single(origin), single(direction));
         let mut found = RayHit::none();
-        if !self.bvh.ray_traverse(ray, &mut found, |ray, id| meet(&self.triangles[id], ray)) {
+        if !self
+            .bvh
+            .ray_traverse(ray, &mut found, |_, id| meet(&self.triangles[id], origin, direction) as f32)
+        {
             return None;
         }
         let corners = *self.mesh.triangles.get(*self.places.get(found.primitive_id as usize)? as usize)?;
@@ -181,21 +185,22 @@ impl Tree {
 }
 
 /// Barycentric weights may fall this far below 0: rays between two faces must not slip through the rounding.
-const SEAM: f32 = 1e-5;
+const SEAM: f64 = 1e-9;
 
-/// Distance at which a ray meets a triangle from either side (Möller and Trumbore 1997), infinite where it does not.
-fn meet(t: &Triangle, ray: &Ray) -> f32 {
-    let (e1, e2) = (t.v1 - t.v0, t.v2 - t.v0);
-    let p = ray.direction.cross(e2);
+/// Distance at which a ray meets a triangle from either side (Möller and Trumbore 1997), infinite where it does not. In double precision: thin faces
+/// far from the camera would leave gaps else.
+fn meet([a, b, c]: &[Vec3; 3], origin: Vec3, direction: Vec3) -> f64 {
+    let (e1, e2) = (*b - *a, *c - *a);
+    let p = direction.cross(e2);
     let inverse = 1.0 / e1.dot(p);
-    let from = ray.origin - t.v0;
+    let from = origin - *a;
     let u = from.dot(p) * inverse;
     let q = from.cross(e1);
-    let v = ray.direction.dot(q) * inverse;
+    let v = direction.dot(q) * inverse;
     let distance = e2.dot(q) * inverse;
     // a face seen edge-on gives no number, and no hit
     let inside = u >= -SEAM && v >= -SEAM && u + v <= 1.0 + SEAM;
-    if inside && distance >= ray.tmin && distance <= ray.tmax { distance } else { f32::INFINITY }
+    if inside && distance >= 0.0 { distance } else { f64::INFINITY }
 }
 
 fn single(v: Vec3) -> Vec3A {
@@ -243,9 +248,8 @@ mod tests {
                 .triangles
                 .iter()
                 .filter_map(|t| {
-                    let [v0, v1, v2] = t.map(|i| single(pot.positions[i as usize]));
-                    let t = Triangle { v0, v1, v2 }.intersect(&Ray::new_inf(single(from), single(direction)));
-                    t.is_finite().then_some(f64::from(t))
+                    let t = meet(&t.map(|i| pot.positions[i as usize]), from, direction);
+                    t.is_finite().then_some(t)
                 })
                 .fold(f64::INFINITY, f64::min);
             let found = body.hit(from, direction).map_or(f64::INFINITY, |h| h.distance);

@@ -357,8 +357,8 @@ fn a_ball_is_the_same_in_mitsuba_pixel_for_pixel() {
             if cover < 1.0 {
                 continue;
             }
-            for c in 0..3 {
-                let (a, b) = (f64::from(image.values[i][c]), their[c]);
+            for (c, (ours, b)) in image.values[i].into_iter().zip(*their).enumerate() {
+                let a = f64::from(ours);
                 // both draw 256 places in the pixel: what is left is their spread over a pixel, largest at the shadow's edge
                 assert!(
                     (a - b).abs() < 0.05 * b + 0.006,

@@ -115,8 +115,7 @@ impl Environment {
             [grey as f32; 3]
         };
         // whole texels of finite light: always accepted
-        Self::new(width, height, (0..width * height).map(texel).collect(), factor)
-            .unwrap_or_else(|| Self::black())
+        Self::new(width, height, (0..width * height).map(texel).collect(), factor).unwrap_or_else(Self::black)
     }
 
     fn black() -> Self {
@@ -185,7 +184,7 @@ impl Environment {
 
     fn density_of(&self, texel: usize) -> f64 {
         let m = &*self.map;
-        let before = if texel % m.width == 0 { 0.0 } else { m.texels[texel - 1] };
+        let before = if texel.is_multiple_of(m.width) { 0.0 } else { m.texels[texel - 1] };
         (m.texels[texel] - before) / m.solid[texel / m.width]
     }
 
@@ -240,8 +239,8 @@ fn blocks(width: usize, height: usize, radiance: &[[f32; 3]], solid: &[f64]) -> 
             let d = Vec3::new(-theta.sin() * around.sin(), theta.cos(), -theta.sin() * around.cos());
             let block = &mut out[row / bh * columns + column / bw];
             block.0 = block.0 + d;
-            for c in 0..3 {
-                block.1[c] += f64::from(radiance[row * width + column][c]) * solid[row];
+            for (sum, l) in block.1.iter_mut().zip(radiance[row * width + column]) {
+                *sum += f64::from(l) * solid[row];
             }
         }
     }

@@ -140,9 +140,10 @@ impl Gathered {
         });
         let value = |p: usize| {
             let mut sum = [0.0f64; 3];
-            for i in self.starts[p]..self.starts[p + 1] {
+            let range = self.starts[p]..self.starts[p + 1];
+            for (f, w) in f[range.clone()].iter().zip(&self.weights[range]) {
                 for c in 0..3 {
-                    sum[c] += f64::from(f[i][c]) * f64::from(self.weights[i][c]);
+                    sum[c] += f64::from(f[c]) * f64::from(w[c]);
                 }
             }
             sum.map(|x| x as f32)
@@ -167,7 +168,7 @@ impl Gathered {
             let light = |i: usize| colour::luminance(self.weights[i].map(f64::from)).max(0.0);
             let total: f64 = range.clone().map(light).sum();
             let cover = f64::from(self.coverage[p]);
-            range.filter_map(move |i| (total > 0.0).then(|| (i, cover * light(i) / total)))
+            range.filter(move |_| total > 0.0).map(move |i| (i, cover * light(i) / total))
         })
     }
 

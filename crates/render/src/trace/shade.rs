@@ -100,7 +100,7 @@ impl Shader<'_> {
         for lamp in &self.view.lamps {
             match lamp {
                 Lamp::Directional { towards, irradiance, .. } => {
-                    add(*towards, f64::INFINITY, *irradiance, 1.0)
+                    add(*towards, f64::INFINITY, *irradiance, 1.0);
                 }
                 Lamp::Point { position, intensity, .. } => {
                     let d = *position - v.position;

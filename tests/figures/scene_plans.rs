@@ -106,7 +106,7 @@ pub fn figures() -> Vec<Figure> {
     let folder = tempfile::tempdir().unwrap_or_else(|e| panic!("{e}"));
     let instrument = instrument();
     let write = |name: &str, text: &str| {
-        std::fs::write(folder.path().join(name), text).unwrap_or_else(|e| panic!("{e}"))
+        std::fs::write(folder.path().join(name), text).unwrap_or_else(|e| panic!("{e}"));
     };
     write("truth.json", TRUTH);
     write("instrument.toml", &instrument.to_toml().unwrap_or_else(|e| panic!("{e}")));

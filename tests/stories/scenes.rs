@@ -270,7 +270,7 @@ fn scenes_that_cannot_be_used_say_what_would_help() {
     let dir = folder();
     let write = |name: &str, text: String| std::fs::write(dir.path().join(name), text).unwrap();
     write("away.toml", PRODUCT.replace("from = [0.6, 1.2, 6]", "from = [0.6, 1.2, 6], to = [0, 0, 20]"));
-    write("dark.toml", PRODUCT.replace("[-1, 1.2, 1.5]", "[-1, 1.2, -15]"));
+    write("dark.toml", PRODUCT.replace("[-1, 1.2, 1.5]", "[-0.6, -1.2, -6]"));
     write("broken.toml", PRODUCT.replace("shape = \"capsule\"", "mesh = \"broken.obj\""));
     write("broken.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 8\n".to_owned());
     write("bare.toml", PRODUCT.replace("shape = \"capsule\"", "mesh = \"bare.obj\""));

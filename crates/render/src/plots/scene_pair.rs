@@ -57,7 +57,7 @@ impl SceneRow<'_> {
         let heading = Text::new(11.0, INK).bold().at(Anchor::Middle, Anchor::End);
         for (k, (caption, image, marked)) in self.pictures.iter().enumerate() {
             let x = GAP + k as f64 * (pw + GAP);
-            canvas.text_within((x + 0.5 * pw, top - 8.0), caption, &heading, pw + GAP);
+            canvas.text_within((x + 0.5 * pw, top - 8.0), caption, &heading, pw);
             let mut shown = image.to_picture(&tone);
             for (i, share) in marked.iter().enumerate() {
                 let (px, py) = (i as u32 % w.max(1), i as u32 / w.max(1));
@@ -78,7 +78,7 @@ impl SceneRow<'_> {
                 label: "ΔE₀₀".into(),
                 beyond: [false, known().any(|d| d > full)],
             };
-            canvas.text_within((x + 0.5 * pw, top - 8.0), "difference (CIEDE2000)", &heading, pw + GAP);
+            canvas.text_within((x + 0.5 * pw, top - 8.0), "difference (CIEDE2000)", &heading, pw);
             let map = Picture::from_fn(w, h, |px, py| {
                 let i = py as usize * w as usize + px as usize;
                 self.differences.get(i).copied().flatten().map_or([255; 3], |d| bar.colour(d))

@@ -16,7 +16,7 @@ pub struct Paint<'a> {
     /// f in the sample's frame.
     pub brdf: &'a dyn Brdf,
     /// A smooth coat whose mirror image is added: F(θ) times what lies in the mirror direction. `brdf` is taken as it is, so that a base coat has to be one
-    /// seen through its coat. `None` adds nothing.
+    /// seen through its coat. Added at what the camera sees, not at what bounces show. `None` adds nothing.
     pub gloss: Option<Coat>,
 }
 
@@ -139,9 +139,12 @@ impl Tracer<'_> {
         let around = s.environments().next().is_some();
         for depth in 0..=self.bounces {
             sum = plus(sum, times(self.straight(&v, numbers), carried));
-            if let Some(coat) = self.paint.gloss {
+            // farther on a lamp's small bright image would be met by chance: specks instead of light
+            if depth == 0
+                && let Some(coat) = self.paint.gloss
+            {
                 let f = coat.reflectance(v.view.z.clamp(0.0, 1.0));
-                sum = plus(sum, times(self.mirror(&v, depth == 0, numbers), carried.map(|c| c * f)));
+                sum = plus(sum, times(self.mirror(&v, numbers), carried.map(|c| c * f)));
             }
             if !around && depth == self.bounces {
                 break;
@@ -174,15 +177,14 @@ impl Tracer<'_> {
         sum
     }
 
-    /// What the coat mirrors: the surroundings, or the object itself in the light of the lamps (`object`).
-    fn mirror(&self, v: &Vertex, object: bool, numbers: &mut Sequence) -> Rgb {
+    /// What the coat mirrors: the surroundings, or the object itself in the light of the lamps.
+    fn mirror(&self, v: &Vertex, numbers: &mut Sequence) -> Rgb {
         let world = v.world(Vec3::new(-v.view.x, -v.view.y, v.view.z));
         let body = &self.shader.scene.body;
         let from = v.leave(body);
         match body.hit(from, world) {
             None => self.shader.mirrored(v.position, world),
-            Some(hit) if object => self.straight(&Vertex::new(&hit, world), numbers),
-            Some(_) => [0.0; 3],
+            Some(hit) => self.straight(&Vertex::new(&hit, world), numbers),
         }
     }
 }

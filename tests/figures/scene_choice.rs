@@ -81,7 +81,7 @@ pub fn figures() -> Vec<Figure> {
             out.push(Figure::at_most(
                 format!("{title}: mean ΔE of other pixels with {name}"),
                 mean,
-                1.05 * BOUND,
+                BOUND,
                 None,
             ));
             out.push(Figure::at_most(

@@ -17,7 +17,10 @@ mod noise;
 mod paints;
 mod published;
 mod published_tables;
+mod rays;
 mod scans;
+mod scene_choice;
+mod scene_plans;
 mod sopp_method;
 
 use std::process::ExitCode;
@@ -95,6 +98,9 @@ const GROUPS: &[Group] = &[
     ("flake-maps", maps::figures),
     ("look-up-speed", look_up::figures),
     ("multi-angle", multi_angle::figures),
+    ("scene-choice", scene_choice::figures),
+    ("scene-plans", scene_plans::figures),
+    ("rays", rays::figures),
 ];
 
 #[allow(clippy::print_stdout)] // the table is what this program is for

@@ -33,6 +33,8 @@ fn arguments(truth: &Path, output: &Path, seed: u64, reference: Vec<PathBuf>) ->
         camera: "sim".to_owned(),
         instrument: "reference".to_owned(),
         plan: None,
+        scene: None,
+        max_delta_e: 1.0,
         kind: Kind::Sample,
         reference,
         certificate: None,

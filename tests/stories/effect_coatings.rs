@@ -201,7 +201,7 @@ fn the_trade_is_told_as_table_json_csv_and_pictures() {
     assert_eq!((&told["geometries"], &told["beyond_critical_share"]), (&2.into(), &0.0.into()));
     let text = bench.ok(&words[..6]).stdout;
     assert!(text.contains("flake-map:0") && text.contains("ΔE beyond 15°"), "{text}");
-    refused(&bench, &["trade", "paint.json", "--scene", "s.toml"], &["s.toml", "--geometries", "weight"]);
+    refused(&bench, &["trade", "paint.json", "--scene", "s.toml"], &["s.toml", "cannot be read"]);
 }
 
 #[test]

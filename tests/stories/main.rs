@@ -14,5 +14,7 @@ mod laws;
 mod main_job;
 mod real_data;
 mod renderers;
+mod scenes;
+mod shaders;
 mod two_optics_agree;
 mod wire;

@@ -7,7 +7,7 @@ use gonio_instrument::{
 };
 
 use crate::bracket::{FrameSummary, Judge};
-use crate::engine::{Action, Engine, Event, LostPose, Outcome, Progress, Setup, Step};
+use crate::engine::{Action, Choice, Engine, Event, LostPose, Outcome, Progress, Setup, Step};
 use crate::journal::Journal;
 use crate::pixel_map::PixelMap;
 use crate::reference::WHITE_LIMIT_DEG;
@@ -32,6 +32,13 @@ pub trait Observer {
     /// A pose is on the disk: reduce it, update the fit.
     fn pose_done(&mut self, record: PoseRecord) {
         let _ = record;
+    }
+
+    /// Which pose follows, asked after each pose that is on the disk; `ahead` are the places in the plan still to take. The shutter is closed
+    /// meanwhile.
+    fn choose(&mut self, ahead: &[u32]) -> Choice {
+        let _ = ahead;
+        Choice::AsPlanned
     }
 
     /// A pose was given up.
@@ -89,7 +96,12 @@ pub fn run(
         match engine.step() {
             Step::Do(action) => {
                 let event = hands.act(&action);
+                let kept = action == Action::EndPose && event == Event::Done;
                 engine.handle(event);
+                if kept && !engine.ahead().is_empty() {
+                    let choice = hands.observer.choose(engine.ahead());
+                    engine.choose(choice);
+                }
                 for l in engine.lost().iter().skip(lost) {
                     hands.observer.pose_lost(l);
                 }

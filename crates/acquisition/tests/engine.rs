@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use gonio_acquisition::bracket::FrameSummary;
-use gonio_acquisition::engine::{Action, Engine, Event, Outcome, ScanError, Setup, Step};
+use gonio_acquisition::engine::{Action, Choice, Engine, Event, Outcome, ScanError, Setup, Step};
 use gonio_instrument::{CameraInfo, DeviceError, Pose, ScanKind, Sensors, builtin};
 use gonio_recording::RecordingError;
 use proptest::prelude::*;
@@ -181,6 +181,44 @@ fn a_resumed_scan_takes_what_is_left() {
     let (outcome, model) = play(Engine::new(setup(ScanKind::Sample).resuming(done)), &[]);
     assert_eq!(outcome, Outcome::Done);
     assert_eq!(model.poses, [2, 4, 5].into());
+}
+
+#[test]
+fn a_choice_between_poses_changes_their_order_or_ends_the_scan() {
+    let mut engine = Engine::new(setup(ScanKind::Sample));
+    let (mut model, mut order) = (Model { shutter_open: true, ..Model::default() }, Vec::new());
+    engine.choose(Choice::Enough);
+    assert_eq!(engine.ahead(), [0, 1, 2, 3, 4, 5], "before the first pose nothing is chosen");
+    let outcome = loop {
+        match engine.step() {
+            Step::Do(action) => {
+                let event = model.act(&action, None);
+                engine.handle(event);
+                if let Action::BeginPose { index, .. } = action {
+                    order.push(index);
+                    // in the middle of a pose nothing changes
+                    engine.choose(Choice::Enough);
+                }
+                if action == Action::EndPose {
+                    engine.choose(match order.len() {
+                        1 => Choice::This(4),
+                        2 => Choice::This(0),
+                        3 => Choice::This(5),
+                        _ => Choice::Enough,
+                    });
+                    let p = engine.progress();
+                    assert_eq!((p.poses_done as usize, p.poses_total), (order.len(), 6));
+                }
+            }
+            Step::Wait => panic!("nobody asked for a pause"),
+            Step::End(outcome) => break outcome,
+        }
+    };
+    assert_eq!(outcome, Outcome::Done);
+    // a place that is not ahead (0 is done) leaves the plan's order: 1 follows 4
+    assert_eq!(order, [0, 4, 1, 5]);
+    assert!(!model.shutter_open && !model.pose_open && !model.forced && !model.moving);
+    assert_eq!(model.log.last().map(String::as_str), Some("Lamp(0.0) "), "{:?}", model.log.last());
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! The command line: names, flags and their help. What each does is in [`crate::commands`].
 
 pub mod effect;
+pub mod scene;
 
 use std::path::PathBuf;
 
@@ -30,7 +31,7 @@ pub enum Command {
     Demo(DemoArguments),
     /// Scan a sample or a reference and record the session
     #[command(
-        after_help = "Examples:\n  gonio scan --device sim --truth paint.json -o S.mcap --fit\n  gonio scan --device serial:/dev/ttyUSB0 --camera sim:cam.sock --kind white --certificate W7.json -o white.mcap\n  gonio scan --device sim -o S.mcap --resume      go on after an interruption"
+        after_help = "Examples:\n  gonio scan --device sim --truth paint.json -o S.mcap --fit\n  gonio scan --device serial:/dev/ttyUSB0 --camera sim:cam.sock --kind white --certificate W7.json -o white.mcap\n  gonio scan --device sim -o S.mcap --fit --scene product.toml      no more poses than the scene needs\n  gonio scan --device sim -o S.mcap --resume      go on after an interruption"
     )]
     Scan(ScanArguments),
     /// Recompute the BRDF from a recorded session
@@ -78,9 +79,24 @@ pub enum Command {
     Colormap(effect::ColormapArguments),
     /// What each way to store a BRDF costs and how far its colours are off, measured on this machine
     #[command(
-        after_help = "Examples:\n  gonio trade S.nc -o trade\n  gonio trade merl_nbrdf.f32#blue-metallic-paint --only table,clip,flake-map:0,flake-map:1\n  gonio trade S.nc --geometries scene.csv --json"
+        after_help = "Examples:\n  gonio trade S.nc -o trade\n  gonio trade merl_nbrdf.f32#blue-metallic-paint --only table,clip,flake-map:0,flake-map:1\n  gonio trade S.nc --scene product.toml -o trade\n  gonio trade S.nc --geometries scene.csv --json"
     )]
     Trade(effect::TradeArguments),
+    /// The cheapest way to store a BRDF that keeps a colour bound for a scene, written out, with the evidence
+    #[command(
+        after_help = "Examples:\n  gonio tailor S.nc --scene product.toml --max-delta-e 1 -o tailored\n  gonio tailor merl_nbrdf.f32#blue-metallic-paint --scene car.toml --statistic p95 --max-delta-e 3"
+    )]
+    Tailor(scene::TailorArguments),
+    /// Render a scene with a measured BRDF, a model or a map
+    #[command(
+        after_help = "Examples:\n  gonio render S.nc --scene product.toml -o picture.png\n  gonio render paint.json --scene car.toml --coat 1.5 --bounces 2 -o car.exr\n  gonio render S.nc --as clip --scene sphere.toml --mark-critical --no-cosine -o clip.png\n  gonio render S.nc --scene product.toml -o p.png --geometries geometries.png"
+    )]
+    Render(scene::RenderArguments),
+    /// The poses that a scene needs, as a plan for gonio scan
+    #[command(
+        after_help = "Examples:\n  gonio plan --scene product.toml -o plan.toml; gonio scan --plan plan.toml -o S.mcap --fit\n  gonio plan --scene product.toml --like earlier.nc --max-delta-e 1 -o plan.toml\n  gonio plan --scene product.toml --after S.nc -o next.toml      the next pose of an adaptive scan"
+    )]
+    Plan(scene::PlanArguments),
     /// Isochromatic lines: the in-plane geometries that see the same flakes
     #[command(
         after_help = "Example:\n  gonio isoline --index 1.5 --method clip --geometries g.csv -o out.csv"
@@ -241,6 +257,12 @@ pub struct ScanArguments {
     /// Plan, TOML; by default the one of the instrument
     #[arg(long)]
     pub plan: Option<PathBuf>,
+    /// Adaptive, with --fit: after each pose the next is the one that this scene's pictures ask for most, until --max-delta-e is expected
+    #[arg(long, requires = "fit", conflicts_with = "resume")]
+    pub scene: Option<PathBuf>,
+    /// With --scene: mean colour difference (CIEDE2000) of its pixels that will do
+    #[arg(long, default_value_t = 1.0)]
+    pub max_delta_e: f64,
     /// What is measured
     #[arg(long, value_enum, default_value = "sample")]
     pub kind: Kind,

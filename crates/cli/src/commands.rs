@@ -10,12 +10,15 @@ mod fit_batch;
 pub mod flake;
 pub mod info;
 pub mod isoline;
+pub mod plan;
+pub mod render;
 pub mod replay;
 pub mod running;
 pub mod scan;
 pub mod session;
 pub mod show;
 pub mod sim;
+pub mod tailor;
 pub mod trade;
 
 use crate::arguments::{Arguments, Command};
@@ -40,6 +43,9 @@ pub fn dispatch(arguments: Arguments) -> Result<Outcome, Failure> {
         Command::Eval(a) => eval::run(&a, printer),
         Command::Colormap(a) => colormap::run(&a, printer),
         Command::Trade(a) => trade::run(&a, printer),
+        Command::Tailor(a) => tailor::run(&a, printer),
+        Command::Render(a) => render::run(&a, printer),
+        Command::Plan(a) => plan::run(&a, printer),
         Command::Isoline(a) => isoline::run(&a, printer),
         Command::Convert { input, output, renderer, force } => {
             convert::run(&input, &output, renderer.as_deref(), force, printer)

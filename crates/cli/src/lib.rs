@@ -3,6 +3,7 @@
 //! Commands put the rooms together and speak to people; what they compute is computed elsewhere. This is the only crate (with the
 //! tests) that knows both the simulator and the driver.
 
+pub mod adaptive;
 pub mod arguments;
 pub mod batch_inputs;
 pub mod candidates;
@@ -21,6 +22,7 @@ pub mod report;
 pub mod results;
 pub mod rig;
 pub mod scanning;
+pub mod scenes;
 pub mod signals;
 
 use std::ffi::OsString;

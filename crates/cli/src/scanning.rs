@@ -5,7 +5,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use gonio_acquisition::PixelMap;
-use gonio_acquisition::engine::{LostPose, Outcome, Progress, Setup};
+use gonio_acquisition::engine::{Choice, LostPose, Outcome, Progress, Setup};
 use gonio_acquisition::journal::Journal;
 use gonio_acquisition::runner::{self, Observer};
 use gonio_instrument::{
@@ -71,6 +71,22 @@ pub fn record(
     control: Option<&Control>,
     on_pose: &mut dyn FnMut(PoseRecord),
 ) -> Result<Recorded, Failure> {
+    record_choosing(job, rig, map, cancel, control, on_pose, &mut |_| Choice::AsPlanned)
+}
+
+/// As [`record`]; `choose` says after each pose which one follows, given the places in the plan still to take.
+///
+/// # Errors
+/// As [`record`].
+pub fn record_choosing(
+    job: &Job<'_>,
+    rig: &mut Rig,
+    map: &PixelMap,
+    cancel: &Cancel,
+    control: Option<&Control>,
+    on_pose: &mut dyn FnMut(PoseRecord),
+    choose: &mut dyn FnMut(&[u32]) -> Choice,
+) -> Result<Recorded, Failure> {
     let (stage, camera) = (rig.stage.identity(), rig.camera.info());
     let mut header = Header::new(job.instrument.clone(), job.plan.clone(), job.sample.clone());
     header.certificate.clone_from(&job.certificate);
@@ -98,6 +114,7 @@ pub fn record(
         bar: progress::bar(job.sample.kind.name(), u64::from(total)),
         control,
         on_pose,
+        choose,
         last: None,
     };
     let mut outcome =
@@ -236,6 +253,7 @@ struct Watcher<'a> {
     bar: indicatif::ProgressBar,
     control: Option<&'a Control>,
     on_pose: &'a mut dyn FnMut(PoseRecord),
+    choose: &'a mut dyn FnMut(&[u32]) -> Choice,
     last: Option<Progress>,
 }
 
@@ -260,6 +278,10 @@ impl Observer for Watcher<'_> {
     fn pose_done(&mut self, record: PoseRecord) {
         tracing::info!("pose {} done ({}), {} frames", record.index, record.readback, record.exposures.len());
         (self.on_pose)(record);
+    }
+
+    fn choose(&mut self, ahead: &[u32]) -> Choice {
+        (self.choose)(ahead)
     }
 
     fn pose_lost(&mut self, lost: &LostPose) {

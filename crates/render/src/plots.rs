@@ -15,6 +15,8 @@ mod legend;
 pub mod lobe;
 pub mod pareto;
 mod polar;
+pub mod scene_geometries;
+pub mod scene_pair;
 pub mod sigma;
 mod strip;
 pub mod unfolded;
@@ -27,6 +29,8 @@ pub use coverage::coverage;
 pub use flake_map::FlakeMapPlot;
 pub use lobe::{Channel, Curve, Lobe, lobe};
 pub use pareto::{Pareto, ParetoPoint};
+pub use scene_geometries::scene_geometries;
+pub use scene_pair::SceneRow;
 pub use sigma::sigma;
 pub use unfolded::{Unfolded, brightening, unfolded};
 

@@ -125,6 +125,18 @@ pub struct LostPose {
     pub reason: String,
 }
 
+/// What follows a pose, as whoever watches the scan wants it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Choice {
+    /// The next of the plan.
+    #[default]
+    AsPlanned,
+    /// This place in the plan.
+    This(u32),
+    /// No further pose is needed: the scan ends as after its last one.
+    Enough,
+}
+
 /// How a scan ended. Whatever it says, the device was left safe and what was measured is kept.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Outcome {
@@ -357,7 +369,7 @@ impl Engine {
     #[must_use]
     pub fn progress(&self) -> Progress {
         let total = self.setup.poses.len() as u32;
-        let earlier = total - self.todo.len() as u32;
+        let earlier = self.setup.done.iter().filter(|i| **i < total).count() as u32;
         let run = self.todo.len() as u32;
         let each = if self.done > 0 { f64::from(self.frames) / f64::from(self.done) } else { 6.0 };
         let remaining = (self.done > 0).then(|| {
@@ -371,6 +383,31 @@ impl Engine {
             exposures_done: self.frames,
             exposures_total: self.frames.max((each * f64::from(run)).round() as u32),
             remaining,
+        }
+    }
+
+    /// Places in the plan still to take, the next one first.
+    #[must_use]
+    pub fn ahead(&self) -> &[u32] {
+        self.todo.get(self.at..).unwrap_or(&[])
+    }
+
+    /// Follows a choice between two poses; at any other time, and for a place that is not ahead, nothing changes.
+    pub fn choose(&mut self, choice: Choice) {
+        if self.in_flight || self.state != State::Move {
+            return;
+        }
+        match choice {
+            Choice::AsPlanned => {}
+            Choice::This(index) => {
+                if let Some(k) = self.ahead().iter().position(|i| *i == index) {
+                    self.todo[self.at..=self.at + k].rotate_right(1);
+                }
+            }
+            Choice::Enough => {
+                self.todo.truncate(self.at);
+                self.state = self.next_pose();
+            }
         }
     }
 

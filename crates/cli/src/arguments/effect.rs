@@ -77,7 +77,7 @@ pub struct TradeArguments {
     /// Judge over these geometries: CSV with theta_i_deg,theta_o_deg,phi_deg[,weight]; by default all to --largest-deg by solid angle
     #[arg(long)]
     pub geometries: Option<PathBuf>,
-    /// A scene (not in this version: give its geometries with --geometries)
+    /// Judge over the local geometries of this scene, by their share in its pictures (keys: docs/scenes.md)
     #[arg(long)]
     pub scene: Option<PathBuf>,
     /// Folder for trade.json, trade.csv, report.html and the pictures

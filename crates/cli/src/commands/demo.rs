@@ -34,6 +34,8 @@ pub fn run(a: &DemoArguments, printer: Printer) -> Result<Outcome, Failure> {
         camera: "sim".to_owned(),
         instrument: if a.tiny { "tiny" } else { "reference" }.to_owned(),
         plan: None,
+        scene: None,
+        max_delta_e: 1.0,
         kind: Kind::Sample,
         reference: Vec::new(),
         certificate: None,

@@ -22,7 +22,7 @@ use crate::reduction::{self, Calibrated};
 use crate::results::{self, Files, Story};
 use crate::rig::{self, Rig, Simulated};
 use crate::scanning::{self, Job, Recorded};
-use crate::{continuing, fitting, signals};
+use crate::{adaptive, continuing, fitting, signals};
 
 /// Poses that may wait for the reduction; at eight frames of 2.6 MB some 60 MB.
 const WAITING_POSES: usize = 3;
@@ -128,6 +128,7 @@ pub fn scan(a: &ScanArguments, cancel: &Cancel) -> Result<Scanned, Failure> {
             return Err(Failure::usage(format!("--fit goes with --kind sample, not with {}", kind.name())));
         }
     }
+    let asking = a.scene.as_deref().map(|s| adaptive::Asking::open(s, a.max_delta_e)).transpose()?;
     let recorded =
         if a.resume { Session::open(&a.output).ok().and_then(|s| s.provenance().ok()) } else { None };
     let options = coat::options(&a.coat, recorded.as_ref())?;
@@ -204,8 +205,26 @@ pub fn scan(a: &ScanArguments, cancel: &Cancel) -> Result<Scanned, Failure> {
     let control = Control::listen(state, cancel.clone())
         .map_err(|e| tracing::warn!("`gonio status` will not see this scan: {e}"))
         .ok();
-    match (&calibrated, &a.fit) {
-        (Some(calibrated), Some(model)) => {
+    match (&calibrated, &a.fit, &asking) {
+        (Some(calibrated), Some(model), Some(asking)) => {
+            let mut reducer = reduction::reducer(calibrated, &job.sample, &options)?;
+            let mut lost = calibrated.lost.clone();
+            let recorded = adaptive::record(
+                &job,
+                &mut rig,
+                &map,
+                cancel,
+                control.as_ref(),
+                &mut reducer,
+                &mut lost,
+                asking,
+            )?;
+            if reducer.statistics().is_empty() {
+                return Ok(Scanned { recorded, fit: None, files: None, coat: None, lost: Vec::new() });
+            }
+            conclude(&job, recorded, reducer, lost, calibrated, &options, model, &files)
+        }
+        (Some(calibrated), Some(model), None) => {
             with_fit(&job, &mut rig, &map, cancel, control.as_ref(), calibrated, &options, model, &files)
         }
         _ => {

@@ -19,7 +19,7 @@ use crate::arguments::effect::TradeArguments;
 use crate::effect;
 use crate::outcome::{Failure, Outcome};
 use crate::output::{self, Printer, shown};
-use crate::report;
+use crate::{report, scenes};
 
 /// Files in the folder, beside the pictures.
 const FILES: [&str; 3] = ["trade.json", "trade.csv", "report.html"];
@@ -27,28 +27,36 @@ const FILES: [&str; 3] = ["trade.json", "trade.csv", "report.html"];
 /// Compares, prints, writes the folder where asked.
 ///
 /// # Errors
-/// [`Failure::Usage`] for input that cannot be read or judged, and for `--scene`.
+/// [`Failure::Usage`] for input that cannot be read or judged.
 pub fn run(a: &TradeArguments, printer: Printer) -> Result<Outcome, Failure> {
-    if let Some(scene) = &a.scene {
-        return Err(Failure::usage(format!(
-            "--scene {}: this version renders no scenes; it judges over all geometries, or over those of a scene that you list with their \
-             shares: --geometries G.csv with the columns theta_i_deg,theta_o_deg,phi_deg,weight",
-            scene.display()
-        )));
+    if a.scene.is_some() && a.geometries.is_some() {
+        return Err(Failure::usage("--scene and --geometries both say what is judged: give one of them"));
     }
     if let Some(folder) = &a.output {
-        check_folder(folder, a.force)?;
+        check_folder(folder, &FILES, a.force)?;
     }
     let material = effect::material(&a.input)?;
+    let seen = match &a.scene {
+        Some(path) => {
+            let (name, found) =
+                scenes::gathered(scenes::open(path)?, 128, 4, scenes::sharpness(material.brdf()))?;
+            Some((name, found.geometries()))
+        }
+        None => None,
+    };
     let options = TradeOptions {
         build: effect::options(&a.map, &material)?,
         candidates: candidates(&a.only)?,
-        geometries: match &a.geometries {
-            Some(path) => GeometrySet::List(geometry_csv::open_weighted(path).map_err(Failure::usage)?),
-            None => GeometrySet::All,
+        geometries: match (&a.geometries, &seen) {
+            (Some(path), _) => GeometrySet::List(geometry_csv::open_weighted(path).map_err(Failure::usage)?),
+            (None, Some((_, list))) => GeometrySet::List(list.clone()),
+            (None, None) => GeometrySet::All,
         },
     };
-    let result = trade(&material, &options).map_err(|e| Failure::usage(format!("{}: {e}", a.input)))?;
+    let mut result = trade(&material, &options).map_err(|e| Failure::usage(format!("{}: {e}", a.input)))?;
+    if let Some((name, _)) = &seen {
+        result.judged = format!("local geometries of {name}, by their share in its pictures");
+    }
     effect::say(&result.findings);
     let mut told = to_json(a, &result);
     let mut text = table(&result);
@@ -61,11 +69,15 @@ pub fn run(a: &TradeArguments, printer: Printer) -> Result<Outcome, Failure> {
     Ok(Outcome::Done)
 }
 
-fn check_folder(folder: &Path, force: bool) -> Result<(), Failure> {
+/// Refuses a folder that is a file or holds one of `files`.
+///
+/// # Errors
+/// [`Failure::Usage`] naming it.
+pub fn check_folder(folder: &Path, files: &[&str], force: bool) -> Result<(), Failure> {
     if folder.exists() && !folder.is_dir() {
         return Err(Failure::usage(format!("{} is a file, expected the name of a folder", folder.display())));
     }
-    match FILES.iter().map(|f| folder.join(f)).find(|p| p.exists()) {
+    match files.iter().map(|f| folder.join(f)).find(|p| p.exists()) {
         Some(there) if !force => Err(Failure::usage(format!(
             "{} exists and is not overwritten; choose another folder or say --force",
             there.display()
@@ -74,7 +86,11 @@ fn check_folder(folder: &Path, force: bool) -> Result<(), Failure> {
     }
 }
 
-fn candidates(only: &[String]) -> Result<Vec<Representation>, Failure> {
+/// Representations by their names; all where none is named.
+///
+/// # Errors
+/// [`Failure::Usage`] for a name that is none.
+pub fn candidates(only: &[String]) -> Result<Vec<Representation>, Failure> {
     if only.is_empty() {
         return Ok(Representation::all().collect());
     }
@@ -209,9 +225,11 @@ fn write(
 }
 
 /// Colour group of a candidate in the picture.
-const GROUPS: [&str; 4] = ["3-D table", "aspecular angle and colour maps", "flake maps", "fitted models"];
+pub const GROUPS: [&str; 4] = ["3-D table", "aspecular angle and colour maps", "flake maps", "fitted models"];
 
-const fn group(r: Representation) -> usize {
+/// Colour group of a representation.
+#[must_use]
+pub const fn group(r: Representation) -> usize {
     match r {
         Representation::Table => 0,
         Representation::Aspecular | Representation::ColourMap(_) => 1,

@@ -12,6 +12,7 @@ pub mod cells;
 pub mod coat;
 pub mod dark;
 pub mod engine;
+mod frames;
 pub mod error;
 pub mod fill;
 pub mod footprint;

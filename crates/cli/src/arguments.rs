@@ -129,6 +129,14 @@ pub enum Command {
     Doctor,
 }
 
+impl ScanArguments {
+    /// How long to look for a stage whose port hung up; nonsense counts as not at all.
+    #[must_use]
+    pub fn patience(&self) -> std::time::Duration {
+        std::time::Duration::try_from_secs_f64(self.patience).unwrap_or_default()
+    }
+}
+
 /// `gonio demo`.
 #[derive(Debug, Args)]
 pub struct DemoArguments {
@@ -280,6 +288,9 @@ pub struct ScanArguments {
     /// Go on with an interrupted session
     #[arg(long)]
     pub resume: bool,
+    /// How long to look for a stage whose port hung up, seconds
+    #[arg(long, default_value_t = 30.0, value_name = "SECONDS")]
+    pub patience: f64,
     /// Overwrite the output
     #[arg(long)]
     pub force: bool,

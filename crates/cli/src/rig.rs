@@ -296,6 +296,7 @@ fn teller(sender: SyncSender<StageNote>) -> gonio_driver::stage::EventSink {
                 (true, format!("the stage reports {} at {:.3} s of its time", describe_fault(*fault), uptime.as_secs_f64()))
             }
             StageEvent::Restarted { boot } => (true, format!("the stage has restarted (start number {boot})")),
+            StageEvent::EmergencyStopped { .. } => (true, "the stage has obeyed an emergency stop".to_owned()),
             StageEvent::Silent { waited } => (true, format!("the stage has been silent for {waited:.1?}")),
             StageEvent::HungUp(error) => (true, format!("the line hung up: {error}")),
             StageEvent::Returned { away, position } => (

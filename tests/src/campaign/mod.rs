@@ -3,11 +3,20 @@
 //! Each campaign gives figures with value, bound, seed and size. `make campaign` runs them at full size and writes
 //! `docs/reliability.md`; the stories run each of them small. The same code does both: only [`Settings::share`] differs.
 
+pub mod damage;
 pub mod decoder;
 pub mod dice;
+pub mod instrument;
+pub mod kill;
 pub mod link;
+pub mod page;
+pub mod remaining;
+pub mod returning;
+pub mod safety;
+pub mod soak;
 
-use std::path::PathBuf;
+use std::ffi::{OsStr, OsString};
+use std::process::Command;
 
 /// How large, and from which seed.
 #[derive(Clone, Debug)]
@@ -18,8 +27,8 @@ pub struct Settings {
     pub share: f64,
     /// Threads that may compute.
     pub threads: usize,
-    /// The `gonio` executable, for campaigns that kill it.
-    pub program: PathBuf,
+    /// The `gonio` program and words before its arguments, for campaigns that kill it.
+    pub program: Vec<OsString>,
 }
 
 impl Settings {
@@ -106,3 +115,26 @@ pub fn grouped(n: u64) -> String {
     }
     out
 }
+
+impl Settings {
+    /// A command that runs `gonio`; its arguments follow.
+    #[must_use]
+    pub fn command(&self) -> Command {
+        let mut words = self.program.iter();
+        let mut command = Command::new(words.next().map_or(OsStr::new("gonio"), |w| w.as_os_str()));
+        command.args(words);
+        command
+    }
+}
+
+/// All campaigns, in the order of the promises.
+pub const CAMPAIGNS: &[Campaign] = &[
+    Campaign { name: "decoder", about: "damaged frames into the decoder", run: decoder::figures },
+    Campaign { name: "link", about: "commands over a bad line, in virtual time", run: link::figures },
+    Campaign { name: "safety", about: "a host that falls silent; emergency stops", run: safety::figures },
+    Campaign { name: "returning", about: "a plug pulled in mid-scan and put back", run: returning::figures },
+    Campaign { name: "kill", about: "the host killed in mid-scan, and the scan continued", run: kill::figures },
+    Campaign { name: "damage", about: "cut and flipped session files", run: damage::figures },
+    Campaign { name: "soak", about: "scan after scan under faults", run: soak::figures },
+    Campaign { name: "remaining", about: "the time left, told after a tenth of a scan", run: remaining::figures },
+];

@@ -65,6 +65,11 @@ pub enum StageEvent {
         /// How long.
         waited: Duration,
     },
+    /// The device has answered an emergency stop.
+    EmergencyStopped {
+        /// Number of the stop.
+        id: u32,
+    },
     /// The port hung up; it is looked for, and what was asked for waits.
     HungUp(DeviceError),
     /// The port is back, the device is the same and stands where it stood.

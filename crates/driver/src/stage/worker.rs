@@ -272,7 +272,7 @@ impl Worker {
                 self.check_return(&telemetry.status);
                 self.update(|snapshot| snapshot.telemetry = Some(telemetry));
             }
-            HostEvent::EmergencyStopped { .. } => {}
+            HostEvent::EmergencyStopped { id } => self.tell(&StageEvent::EmergencyStopped { id }),
         }
         Ok(())
     }

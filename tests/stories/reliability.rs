@@ -46,6 +46,11 @@ fn a_damaged_session_never_lies() {
 }
 
 #[test]
+fn no_input_makes_a_reader_panic() {
+    small("fuzz");
+}
+
+#[test]
 fn scan_after_scan_under_faults_loses_no_frame() {
     small("soak");
 }

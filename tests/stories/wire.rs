@@ -161,7 +161,7 @@ fn on_a_bad_line_every_command_is_executed_exactly_once() {
             duplication: 0.15,
             reorder: 0.1,
             delay: Duration::from_millis(4),
-            hang_up_after: None,
+            ..LineFaults::default()
         };
         let stage = connect(FaultyTransport::new(transport, faults, seed));
         let trigger = Command::CameraTrigger { exposure_us: 1 };

@@ -21,7 +21,7 @@ const POSES: u32 = 4;
 const FRAMES: u32 = 3;
 
 /// Writes the session; what went in, and where each pose ends in the file.
-fn write(path: &Path, seed: u64) -> (Vec<PoseRecord>, Vec<u64>) {
+pub(super) fn write(path: &Path, seed: u64) -> (Vec<PoseRecord>, Vec<u64>) {
     let instrument = builtin::description("tiny").expect("built in").expect("readable");
     let plan = instrument.plan.clone();
     let clock = Clock::Steps { start: Duration::from_secs(1_000), step: Duration::from_millis(1) };

@@ -6,6 +6,7 @@
 pub mod damage;
 pub mod decoder;
 pub mod dice;
+pub mod fuzz;
 pub mod instrument;
 pub mod kill;
 pub mod link;
@@ -136,5 +137,6 @@ pub const CAMPAIGNS: &[Campaign] = &[
     Campaign { name: "kill", about: "the host killed in mid-scan, and the scan continued", run: kill::figures },
     Campaign { name: "damage", about: "cut and flipped session files", run: damage::figures },
     Campaign { name: "soak", about: "scan after scan under faults", run: soak::figures },
+    Campaign { name: "fuzz", about: "mutated input into everything that reads bytes", run: fuzz::figures },
     Campaign { name: "remaining", about: "the time left, told after a tenth of a scan", run: remaining::figures },
 ];

@@ -24,7 +24,7 @@ use super::dice::Dice;
 use super::{Figure, Settings, damage, grouped};
 
 /// Inputs of each reader for the promise.
-const FULL: u64 = 100_000;
+const FULL: u64 = 2_000_000;
 
 /// A reader and what it reads when all is well.
 struct Target {
@@ -54,7 +54,7 @@ pub fn figures(settings: &Settings) -> Vec<Figure> {
     let (mut inputs, mut panics, mut slowest) = (0u64, 0u64, (Duration::ZERO, ""));
     let mut told = Vec::new();
     for target in &targets {
-        let n = (settings.count(FULL, 600) / target.cost).max(20);
+        let n = (settings.count(FULL, 6000) / target.cost).max(20);
         let mut bad = 0;
         for k in 0..n {
             let mut dice = Dice::new(settings.seed, k);

@@ -91,7 +91,7 @@ fn device(settings: &Settings, at: &Path) -> Killed {
     let mut command = settings.command();
     command
         .args(["sim", "--instrument", "tiny", "--pty", "stage", "--camera-socket", "cam", "--truth", "paint.json"])
-        .args(["--time-scale", "20"])
+        .args(["--time-scale", "200"])
         .current_dir(at)
         .stdin(Stdio::null())
         .stdout(Stdio::null())

@@ -30,7 +30,7 @@ pub fn figures(settings: &Settings) -> Vec<Figure> {
     let (mut worst, mut longest, mut course) = (0.0f64, 0.0f64, String::new());
     let mut map = None;
     for _ in 0..scans {
-        let tiny = Tiny::new(Some(plan.clone()), if small { 20.0 } else { 5.0 }, Faults::default());
+        let tiny = Tiny::new(Some(plan.clone()), if small { 50.0 } else { 5.0 }, Faults::default());
         let map = map.get_or_insert_with(|| PixelMap::new(&tiny.description));
         let mut stage = tiny.stage(None, None).expect("a session");
         let (mut camera, _) = tiny.camera(CameraFaults::default(), 1);

@@ -19,10 +19,13 @@ fn main() -> ExitCode {
     let (only, page) = (word(0), word(3));
     let (share, seed) = (word(1).unwrap_or("1").parse(), word(2).unwrap_or("20261126").parse());
     let (Ok(share), Ok(seed)) = (share, seed) else {
-        eprintln!("usage: campaign [NAME [SHARE [SEED [PAGE]]]], SHARE a number above 0, SEED a whole number");
+        eprintln!(
+            "usage: campaign [NAME [SHARE [SEED [PAGE]]]], SHARE a number above 0, SEED a whole number"
+        );
         return ExitCode::from(2);
     };
-    let chosen: Vec<_> = CAMPAIGNS.iter().filter(|c| only.is_none_or(|o| o == "all" || o == c.name)).collect();
+    let chosen: Vec<_> =
+        CAMPAIGNS.iter().filter(|c| only.is_none_or(|o| o == "all" || o == c.name)).collect();
     if chosen.is_empty() {
         let names: Vec<&str> = CAMPAIGNS.iter().map(|c| c.name).collect();
         eprintln!("no campaign {:?}; there are {}", only.unwrap_or_default(), names.join(", "));
@@ -45,7 +48,8 @@ fn main() -> ExitCode {
             missed += usize::from(!f.met);
         }
         if let Some(page) = page
-            && let Err(e) = page::update(page.as_ref(), campaign.name, campaign.about, &command, seed, &figures)
+            && let Err(e) =
+                page::update(page.as_ref(), campaign.name, campaign.about, &command, seed, &figures)
         {
             eprintln!("{page}: {e}");
             return ExitCode::FAILURE;

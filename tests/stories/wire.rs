@@ -136,6 +136,36 @@ fn dropping_the_client_stops_motion_and_closes_the_shutter() {
 }
 
 #[test]
+fn a_panic_with_the_stage_in_hand_leaves_the_device_safe() {
+    let (transport, _served, world) = in_memory(5.0, Faults::default());
+    let mut stage = connect(transport);
+    stage.home(&Cancel::new()).expect("homed");
+    let panicked = std::thread::spawn(move || {
+        stage.set_shutter(true).expect("open");
+        std::panic::resume_unwind(Box::new("as any bug would"));
+    });
+    assert!(panicked.join().is_err());
+    assert!(is_safe(&world), "{:?}", world.state());
+}
+
+#[test]
+fn the_clock_of_the_device_is_known_to_within_what_is_said() {
+    let begun = Instant::now();
+    let (transport, _served, _world) = in_memory(1.0, Faults::default());
+    let served_since = begun.elapsed();
+    let stage = connect(transport);
+    await_that("a heartbeat", || stage.statistics().clock_offset_s.is_some());
+    let statistics = stage.statistics();
+    let (offset, error) =
+        (statistics.clock_offset_s.expect("just seen"), statistics.clock_error_s.expect("with it"));
+    // the device's clock began when it was served, the host's when the client was made, a little later
+    assert!(
+        offset > -error && offset < (begun.elapsed() - served_since).as_secs_f64() + error + 0.05,
+        "{offset} s ± {error} s"
+    );
+}
+
+#[test]
 fn a_client_that_loses_its_line_in_mid_motion_leaves_a_safe_device_behind() {
     let (transport, _served, world) = in_memory(5.0, Faults::default());
     let faults = LineFaults { hang_up_after: Some(3_000), ..LineFaults::default() };

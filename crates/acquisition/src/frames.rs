@@ -24,6 +24,8 @@ pub struct FrameCounts {
     pub late: u64,
     /// Captures that timed out.
     pub timed_out: u64,
+    /// Number of the first frame that came; what the camera did before nobody can tell.
+    pub first: Option<u64>,
 }
 
 /// What to do with a frame.
@@ -73,6 +75,7 @@ impl Frames {
             None => 0,
         };
         self.last = Some(frame.sequence);
+        self.counts.first.get_or_insert(frame.sequence);
         self.counts.missing += missing;
         let width = (frame.width as usize).max(1);
         let row = frame.pixels.chunks_exact(width).next_back().unwrap_or(&[]);
@@ -80,7 +83,9 @@ impl Frames {
         if std::mem::take(&mut self.distrust) {
             self.counts.late += 1;
             self.last_row = row.to_vec();
-            return Verdict::Unusable("it came after a capture that timed out, and may be that one's".to_owned());
+            return Verdict::Unusable(
+                "it came after a capture that timed out, and may be that one's".to_owned(),
+            );
         }
         if torn {
             self.counts.torn += 1;
@@ -124,11 +129,16 @@ mod tests {
         assert_eq!(frames.judge(&frame(8, 20), true), Verdict::Sound { missing: 2 });
         assert!(matches!(frames.judge(&frame(8, 20), true), Verdict::Unusable(_)), "once more");
         assert!(matches!(frames.judge(&frame(9, 20), true), Verdict::Unusable(_)), "torn");
-        assert_eq!(frames.judge(&frame(10, 30), true), Verdict::Sound { missing: 0 }, "no gap: it came, torn");
+        assert_eq!(
+            frames.judge(&frame(10, 30), true),
+            Verdict::Sound { missing: 0 },
+            "no gap: it came, torn"
+        );
         frames.failed(&timeout());
         assert!(matches!(frames.judge(&frame(11, 40), true), Verdict::Unusable(_)), "late, perhaps");
         assert_eq!(frames.judge(&frame(12, 50), true), Verdict::Sound { missing: 0 });
-        let counts = FrameCounts { sound: 4, missing: 2, torn: 1, repeated: 1, late: 1, timed_out: 1 };
+        let counts =
+            FrameCounts { sound: 4, missing: 2, torn: 1, repeated: 1, late: 1, timed_out: 1, first: Some(5) };
         assert_eq!(frames.counts(), counts);
     }
 
@@ -139,6 +149,10 @@ mod tests {
         assert_eq!(frames.judge(&flat(0), true), Verdict::Sound { missing: 0 });
         assert_eq!(frames.judge(&flat(1), true), Verdict::Sound { missing: 0 });
         assert_eq!(frames.judge(&frame(2, 10), false), Verdict::Sound { missing: 0 });
-        assert_eq!(frames.judge(&frame(3, 10), false), Verdict::Sound { missing: 0 }, "a sensor without noise");
+        assert_eq!(
+            frames.judge(&frame(3, 10), false),
+            Verdict::Sound { missing: 0 },
+            "a sensor without noise"
+        );
     }
 }

@@ -246,7 +246,10 @@ impl Hands<'_> {
         match verdict {
             Verdict::Sound { missing: 0 } => {}
             Verdict::Sound { missing } => {
-                let text = format!("{missing} frames before frame {} were lost; it takes their place", frame.sequence);
+                let text = format!(
+                    "{missing} frames before frame {} were lost; it takes their place",
+                    frame.sequence
+                );
                 self.note(&Note { serious: true, text });
             }
             Verdict::Unusable(reason) => {

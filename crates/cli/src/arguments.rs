@@ -199,7 +199,7 @@ pub struct VirtualArguments {
     /// Errors of the virtual instrument, TOML, or `builtin`
     #[arg(long)]
     pub misalignment: Option<PathBuf>,
-    /// Faults of the virtual instrument during the scan, TOML
+    /// Faults of the virtual instrument, its line, its camera and the session file, TOML (docs/reliability.md)
     #[arg(long)]
     pub faults: Option<PathBuf>,
     /// Seed of its noise

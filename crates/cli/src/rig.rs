@@ -265,7 +265,8 @@ fn reopen(name: Option<PortName>, path: String, line: Option<(LinkFaults, u64)>)
         let Some(now) = now.filter(|_| !away) else {
             return Err(DeviceError::Absent { device: path.clone() });
         };
-        let line = line.map(|(l, seed)| (LinkFaults { stall_after: None, half_open_after: None, ..l }, seed + 1));
+        let line =
+            line.map(|(l, seed)| (LinkFaults { stall_after: None, half_open_after: None, ..l }, seed + 1));
         let opened = transport(&now, line)?;
         *hung_up = None;
         Ok(opened)
@@ -292,11 +293,20 @@ fn teller(sender: SyncSender<StageNote>) -> gonio_driver::stage::EventSink {
                 false,
                 format!("session with {} begun, start number {}", identity.serial, identity.boot_counter),
             ),
-            StageEvent::Fault { fault, uptime } => {
-                (true, format!("the stage reports {} at {:.3} s of its time", describe_fault(*fault), uptime.as_secs_f64()))
+            StageEvent::Fault { fault, uptime } => (
+                true,
+                format!(
+                    "the stage reports {} at {:.3} s of its time",
+                    describe_fault(*fault),
+                    uptime.as_secs_f64()
+                ),
+            ),
+            StageEvent::Restarted { boot } => {
+                (true, format!("the stage has restarted (start number {boot})"))
             }
-            StageEvent::Restarted { boot } => (true, format!("the stage has restarted (start number {boot})")),
-            StageEvent::EmergencyStopped { .. } => (true, "the stage has obeyed an emergency stop".to_owned()),
+            StageEvent::EmergencyStopped { .. } => {
+                (true, "the stage has obeyed an emergency stop".to_owned())
+            }
             StageEvent::Silent { waited } => (true, format!("the stage has been silent for {waited:.1?}")),
             StageEvent::HungUp(error) => (true, format!("the line hung up: {error}")),
             StageEvent::Returned { away, position } => (

@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Duration;
 
-use gonio_acquisition::{Phase, PixelMap};
 use gonio_acquisition::engine::{LostPose, Note, Outcome, Progress, Setup};
 use gonio_acquisition::journal::Journal;
-use gonio_driver::stage::LinkWatch;
 use gonio_acquisition::runner::{self, FrameCounts, Observer};
+use gonio_acquisition::{Phase, PixelMap};
+use gonio_driver::stage::LinkWatch;
 use gonio_instrument::{
     CameraInfo, Cancel, Certificate, Description, Exposure, LinkStatistics, Plan, Pose, PoseRecord,
     SampleRecord, Sensors, StageIdentity, Stopping,
@@ -100,10 +100,8 @@ pub fn record(
     } else {
         Writer::create(job.output, &header, options).map_err(journal_failure)?
     };
-    let room = Room {
-        path: job.output,
-        pose: gonio_recording::space_per_pose(job.plan, &job.instrument.camera),
-    };
+    let room =
+        Room { path: job.output, pose: gonio_recording::space_per_pose(job.plan, &job.instrument.camera) };
     let mut journal = WiredJournal { writer, rig_wire: &rig.wire, notes: &rig.notes, room };
     let total = setup.poses.len() as u32;
     let mut watcher = Watcher {

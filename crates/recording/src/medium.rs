@@ -75,9 +75,10 @@ impl Medium for FaultyFile {
         let broken = match (past(self.faults.full_after), past(self.faults.fail_after)) {
             (Some(limit), _) => Some((limit, Error::from(ErrorKind::StorageFull))),
             (None, Some(limit)) => Some((limit, Error::other("the disk does not answer (injected)"))),
-            (None, None) if self.fraction() < self.faults.fail => {
-                Some((self.length + bytes.len() as u64 / 2, Error::other("the disk does not answer (injected)")))
-            }
+            (None, None) if self.fraction() < self.faults.fail => Some((
+                self.length + bytes.len() as u64 / 2,
+                Error::other("the disk does not answer (injected)"),
+            )),
             (None, None) => None,
         };
         let Some((limit, error)) = broken else {

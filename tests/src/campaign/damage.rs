@@ -98,7 +98,8 @@ pub fn figures(settings: &Settings) -> Vec<Figure> {
     let path = folder.path().join("s.mcap");
     let (wanted, ends) = write(&path, settings.seed);
     let length = std::fs::metadata(&path).expect("there").len();
-    let cuts = cut_everywhere(folder.path(), &path, &wanted, &ends, if settings.share < 1.0 { 29 } else { 1 });
+    let cuts =
+        cut_everywhere(folder.path(), &path, &wanted, &ends, if settings.share < 1.0 { 29 } else { 1 });
     let flips = flip(&path, &wanted, settings.count(FLIPS, 500), settings.seed);
     let size_of_cuts = format!("{} offsets of {} bytes", grouped(cuts.files), grouped(length));
     let size_of_flips = format!("{} damaged files", grouped(flips.files));

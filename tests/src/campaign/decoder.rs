@@ -9,12 +9,14 @@ use std::time::Instant;
 
 use gonio_protocol::PROTOCOL_VERSION;
 use gonio_protocol::frame::{
-    Body, Decoder, Encoded, FrameError, HEADER_LEN, Header, Kind, MAX_BODY, MAX_ENCODED, Packet, encode, encode_hello,
+    Body, Decoder, Encoded, FrameError, HEADER_LEN, Header, Kind, MAX_BODY, MAX_ENCODED, Packet, encode,
+    encode_hello,
 };
 use gonio_protocol::hello::{Hello, Role, Serial, Version};
 use gonio_protocol::link::{Link, Received};
 use gonio_protocol::message::{
-    Axis, Command, Fault, Outcome, Position, Reason, Reply, SensorReadings, Status, Telemetry, ToDevice, ToHost, to_body,
+    Axis, Command, Fault, Outcome, Position, Reason, Reply, SensorReadings, Status, Telemetry, ToDevice,
+    ToHost, to_body,
 };
 use std::time::Duration;
 
@@ -231,7 +233,8 @@ fn real_frame(dice: &mut Dice) -> (Encoded, Packet) {
     let number = (n >> (n & 31)) as u32;
     let signed = (dice.next_u64() >> dice.below(40)) as i32;
     let position = Position { tilt_udeg: signed, spin_udeg: -signed };
-    let status = Status { boot: number, uptime_ms: n as u32, position, homed: n & 1 == 1, ..Status::default() };
+    let status =
+        Status { boot: number, uptime_ms: n as u32, position, homed: n & 1 == 1, ..Status::default() };
     let down = |message: ToDevice| to_body(&message).expect("fits");
     let up = |message: ToHost| to_body(&message).expect("fits");
     let reply = |reply| up(ToHost::Reply { id: number, reply });
@@ -249,13 +252,17 @@ fn real_frame(dice: &mut Dice) -> (Encoded, Packet) {
             };
             (Kind::Data, down(ToDevice::Command { id: number, command }))
         }
-        7 => (Kind::Data, down(ToDevice::Command { id: number, command: Command::Shutter { open: n & 2 == 2 } })),
+        7 => (
+            Kind::Data,
+            down(ToDevice::Command { id: number, command: Command::Shutter { open: n & 2 == 2 } }),
+        ),
         8 => (Kind::Data, reply(Reply::Accepted)),
         9 => (Kind::Data, reply(Reply::Done(Outcome::At(position)))),
         10 => (Kind::Data, reply(Reply::Done(Outcome::Status(status)))),
         11 => (Kind::Data, reply(Reply::Rejected(Reason::FaultLatched(Fault::Stall { axis: Axis::Spin })))),
         12 => {
-            let readings = SensorReadings { lamp_monitor_ppm: number, lamp_mc: signed, ..SensorReadings::default() };
+            let readings =
+                SensorReadings { lamp_monitor_ppm: number, lamp_mc: signed, ..SensorReadings::default() };
             (Kind::Data, reply(Reply::Done(Outcome::Sensors(readings))))
         }
         13 => {

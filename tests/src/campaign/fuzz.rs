@@ -97,22 +97,30 @@ fn targets(folder: &Path, seed: u64) -> Vec<Target> {
     damage::write(&session, seed);
     let session = vec![std::fs::read(&session).expect("just written")];
     let text = |t: &str| t.as_bytes().to_vec();
-    let in_file = |name: &'static str| move |bytes: &[u8], folder: &Path| {
-        let path = folder.join(name);
-        if std::fs::write(&path, bytes).is_ok() {
-            read_file(&path);
+    let in_file = |name: &'static str| {
+        move |bytes: &[u8], folder: &Path| {
+            let path = folder.join(name);
+            if std::fs::write(&path, bytes).is_ok() {
+                read_file(&path);
+            }
         }
     };
     let toml = |read: fn(&str)| move |bytes: &[u8], _: &Path| read(&String::from_utf8_lossy(bytes));
     let instrument = builtin::description("tiny").expect("built in").expect("readable");
     let plan = instrument.plan.to_toml().unwrap_or_default();
-    let misalignment = builtin::misalignment().ok().and_then(|m| toml::to_string(&m).ok()).unwrap_or_default();
+    let misalignment =
+        builtin::misalignment().ok().and_then(|m| toml::to_string(&m).ok()).unwrap_or_default();
     vec![
         Target { name: "frame decoder", corpus: wire.clone(), cost: 1, read: Box::new(decode) },
         Target { name: "host machine", corpus: wire.clone(), cost: 2, read: Box::new(host) },
         Target { name: "device machine", corpus: wire, cost: 2, read: Box::new(device) },
         Target { name: "session", corpus: session, cost: 20, read: Box::new(read_session) },
-        Target { name: "tables and models", corpus: tables(folder), cost: 10, read: Box::new(in_file("fuzzed.bin")) },
+        Target {
+            name: "tables and models",
+            corpus: tables(folder),
+            cost: 10,
+            read: Box::new(in_file("fuzzed.bin")),
+        },
         Target {
             name: "geometries",
             corpus: vec![text("theta_i_deg,theta_o_deg,phi_deg\n45,30,180\n10,20,0\n")],
@@ -128,7 +136,12 @@ fn targets(folder: &Path, seed: u64) -> Vec<Target> {
             cost: 10,
             read: Box::new(toml(|t| drop(Description::from_toml(t)))),
         },
-        Target { name: "plans", corpus: vec![plan.into_bytes()], cost: 2, read: Box::new(toml(|t| drop(Plan::from_toml(t)))) },
+        Target {
+            name: "plans",
+            corpus: vec![plan.into_bytes()],
+            cost: 2,
+            read: Box::new(toml(|t| drop(Plan::from_toml(t)))),
+        },
         Target {
             name: "misalignments",
             corpus: vec![misalignment.into_bytes()],
@@ -168,7 +181,9 @@ fn tables(folder: &Path) -> Vec<Vec<u8>> {
         mbsdf.extend(number.to_le_bytes());
     }
     mbsdf.extend((0..3 * 3 * 4 * 3).flat_map(|_| 0.25f32.to_le_bytes()));
-    let cornell = b"# a sample\n3\n450 550 650\n0.1 0.0 0.2 3.14159 0.1 0.2 0.3\n0.5 0.0 0.4 0.0 0.1 0.2 0.3\n".to_vec();
+    let cornell =
+        b"# a sample\n3\n450 550 650\n0.1 0.0 0.2 3.14159 0.1 0.2 0.3\n0.5 0.0 0.4 0.0 0.1 0.2 0.3\n"
+            .to_vec();
     let mut merl = Vec::new();
     for number in [90u32, 90, 180] {
         merl.extend(number.to_le_bytes());
@@ -308,7 +323,8 @@ fn mutate(dice: &mut Dice, corpus: &[Vec<u8>]) -> Vec<u8> {
             0 => bytes[at] ^= 1 << dice.below(8),
             1 => bytes[at] = dice.next_u64() as u8,
             2 => {
-                let extreme = [0u64, 1, 0x7f, 0xff, 0x7fff_ffff, 0xffff_ffff, 1 << 40, u64::MAX][dice.below(8)];
+                let extreme =
+                    [0u64, 1, 0x7f, 0xff, 0x7fff_ffff, 0xffff_ffff, 1 << 40, u64::MAX][dice.below(8)];
                 let wide = [1, 2, 4, 8][dice.below(4)].min(bytes.len() - at);
                 let ends = if dice.happens(0.5) { extreme.to_le_bytes() } else { extreme.to_be_bytes() };
                 let from = if dice.happens(0.5) { 0 } else { 8 - wide };
@@ -340,8 +356,22 @@ fn mutate(dice: &mut Dice, corpus: &[Vec<u8>]) -> Vec<u8> {
 /// Replaces the number in the text at or after `at` by one that no file should hold.
 fn number(dice: &mut Dice, bytes: &mut Vec<u8>, at: usize) {
     let Some(from) = bytes[at..].iter().position(u8::is_ascii_digit).map(|n| at + n) else { return };
-    let to = bytes[from..].iter().position(|b| !(b.is_ascii_digit() || *b == b'.')).map_or(bytes.len(), |n| from + n);
-    let other = ["-1", "0", "1e308", "-1e308", "nan", "inf", "1e-320", "18446744073709551616", "4294967295", "1000000000"];
+    let to = bytes[from..]
+        .iter()
+        .position(|b| !(b.is_ascii_digit() || *b == b'.'))
+        .map_or(bytes.len(), |n| from + n);
+    let other = [
+        "-1",
+        "0",
+        "1e308",
+        "-1e308",
+        "nan",
+        "inf",
+        "1e-320",
+        "18446744073709551616",
+        "4294967295",
+        "1000000000",
+    ];
     bytes.splice(from..to, other[dice.below(other.len())].bytes());
 }
 

@@ -5,21 +5,22 @@ use std::path::Path;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
+use gonio_acquisition::PixelMap;
 use gonio_acquisition::engine::{LostPose, Note, Outcome, Progress, Setup};
 use gonio_acquisition::runner::{self, FrameCounts, Observer};
-use gonio_acquisition::PixelMap;
 use gonio_driver::camera::{CameraFaults, CameraTally, FaultyCamera};
 use gonio_driver::stage::{Options, SerialStage, StageEvent};
 use gonio_driver::transport::{FaultyTransport, LineFaults, SerialTransport, Transport, serial};
 use gonio_instrument::{
-    Camera as _, Cancel, Description, DeviceError, Misalignment, Plan, SampleRecord, ScanKind, Stage as _, builtin,
+    Camera as _, Cancel, Description, DeviceError, Misalignment, Plan, SampleRecord, ScanKind, Stage as _,
+    builtin,
 };
 use gonio_recording::{Devices, Header, Writer, WriterOptions};
+use gonio_sim::VirtualCamera;
 use gonio_sim::firmware::serve::{PortName, Pty, serve_pty};
 use gonio_sim::firmware::{Faults, Firmware, Settings};
 use gonio_sim::optics::Sample;
 use gonio_sim::world::World;
-use gonio_sim::VirtualCamera;
 
 /// Events of the stage with their times.
 pub type Events = Arc<Mutex<Vec<(Instant, StageEvent)>>>;
@@ -55,7 +56,11 @@ impl Tiny {
     ///
     /// # Errors
     /// As [`SerialStage::connect`].
-    pub fn stage(&self, line: Option<(LineFaults, u64)>, events: Option<&Events>) -> Result<SerialStage, DeviceError> {
+    pub fn stage(
+        &self,
+        line: Option<(LineFaults, u64)>,
+        events: Option<&Events>,
+    ) -> Result<SerialStage, DeviceError> {
         let name = self.pty.name();
         let open = move |name: &PortName| -> Result<Box<dyn Transport>, DeviceError> {
             let absent = || DeviceError::Absent { device: "the port".to_owned() };

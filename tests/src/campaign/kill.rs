@@ -1,10 +1,11 @@
 //! The host process is killed at random instants of a scan of the tiny instrument, whose device lives on in a process of its own.
 //!
+//! Half of the instants are drawn over the time of a whole scan, half over the time of a pose after a pose was announced as done.
 //! Before each killing scan nothing is cleaned up but the session. What was announced as done before the kill must be in the file, the
 //! session must go on with `--resume`, and every frame of the result must be that of the uninterrupted scan: pixels, exposure, lamp
 //! monitor, shutter, read-back pose, bit for bit.
 
-use std::io::Read as _;
+use std::io::{BufRead as _, BufReader, Read as _};
 use std::path::Path;
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
@@ -44,14 +45,20 @@ pub fn figures(settings: &Settings) -> Vec<Figure> {
     let whole = poses(&at.join("whole.mcap")).expect("the uninterrupted scan");
     let table = replay(settings, at, "whole.mcap");
 
-    let (mut lost, mut unlike, mut failed, mut unreadable, mut tables, mut other_tables) = (0u64, 0u64, 0u64, 0u64, 0u64, 0u64);
+    let (mut lost, mut unlike, mut failed, mut unreadable, mut tables, mut other_tables) =
+        (0u64, 0u64, 0u64, 0u64, 0u64, 0u64);
     let mut by_done = [0u64; 8];
     for n in 0..kills {
         let session = at.join("s.mcap");
         for old in ["s.mcap", "s.2.mcap", "s.3.mcap", "s.nc"] {
             let _ = std::fs::remove_file(at.join(old));
         }
-        let announced = kill_one(settings, at, whole_s * dice.fraction());
+        let when = if n % 2 == 0 {
+            When::After(whole_s * dice.fraction())
+        } else {
+            When::Announced(1 + dice.below(5), whole_s / 12.0 * dice.fraction())
+        };
+        let announced = kill_one(settings, at, &when);
         let kept = poses(&session).map_or(0, |p| p.len());
         lost += announced.saturating_sub(kept) as u64;
         by_done[kept.min(7)] += 1;
@@ -81,7 +88,12 @@ pub fn figures(settings: &Settings) -> Vec<Figure> {
         Figure::exactly("scans that could not go on", failed, 0, &size),
         Figure::exactly("sessions unreadable after the kill", unreadable, 0, &size),
         Figure::exactly("resumed sessions with any frame unlike the uninterrupted one's", unlike, 0, &size),
-        Figure::exactly("tables unlike the uninterrupted one's, byte for byte", other_tables, 0, &format!("{tables} tables")),
+        Figure::exactly(
+            "tables unlike the uninterrupted one's, byte for byte",
+            other_tables,
+            0,
+            &format!("{tables} tables"),
+        ),
         Figure::told("kills with 0, 1, … 6 poses on the disk", spread.join(", "), &size),
     ]
 }
@@ -90,7 +102,17 @@ pub fn figures(settings: &Settings) -> Vec<Figure> {
 fn device(settings: &Settings, at: &Path) -> Killed {
     let mut command = settings.command();
     command
-        .args(["sim", "--instrument", "tiny", "--pty", "stage", "--camera-socket", "cam", "--truth", "paint.json"])
+        .args([
+            "sim",
+            "--instrument",
+            "tiny",
+            "--pty",
+            "stage",
+            "--camera-socket",
+            "cam",
+            "--truth",
+            "paint.json",
+        ])
         .args(["--time-scale", "200"])
         .current_dir(at)
         .stdin(Stdio::null())
@@ -108,7 +130,18 @@ fn device(settings: &Settings, at: &Path) -> Killed {
 fn command(settings: &Settings, at: &Path, session: &str, resume: bool) -> std::process::Command {
     let mut command = settings.command();
     command
-        .args(["-v", "scan", "--instrument", "tiny", "--device", "serial:stage", "--camera", "sim:cam", "-o", session])
+        .args([
+            "-v",
+            "scan",
+            "--instrument",
+            "tiny",
+            "--device",
+            "serial:stage",
+            "--camera",
+            "sim:cam",
+            "-o",
+            session,
+        ])
         .args(resume.then_some("--resume"))
         .current_dir(at)
         .env("GONIO_RUNTIME_DIR", at.join("run"))
@@ -136,17 +169,38 @@ fn run(settings: &Settings, at: &Path, session: &str, resume: bool) -> bool {
     false
 }
 
-/// Kills a scan after so many seconds; how many poses it had announced as done.
-fn kill_one(settings: &Settings, at: &Path, after_s: f64) -> usize {
+/// When a host is killed.
+enum When {
+    /// So many seconds after its start.
+    After(f64),
+    /// So many poses after its start, and then so many seconds.
+    Announced(usize, f64),
+}
+
+/// Kills a scan; how many poses it had announced as done.
+fn kill_one(settings: &Settings, at: &Path, when: &When) -> usize {
     let mut child = command(settings, at, "s.mcap", false).spawn().expect("the program starts");
+    let Some(stderr) = child.stderr.take() else { return 0 };
+    let mut told = BufReader::new(stderr);
+    let mut announced = 0;
+    let is_done = |line: &str| line.contains(" done (");
+    let after_s = match *when {
+        When::After(after_s) => after_s,
+        When::Announced(poses, after_s) => {
+            let mut line = String::new();
+            while announced < poses && told.read_line(&mut line).is_ok_and(|n| n > 0) {
+                announced += usize::from(is_done(&line));
+                line.clear();
+            }
+            after_s
+        }
+    };
     std::thread::sleep(Duration::from_secs_f64(after_s));
     let _ = child.kill();
-    let mut told = String::new();
-    if let Some(mut stderr) = child.stderr.take() {
-        let _ = stderr.read_to_string(&mut told);
-    }
+    let mut rest = String::new();
+    let _ = told.read_to_string(&mut rest);
     let _ = child.wait();
-    told.lines().filter(|l| l.contains(" done (")).count()
+    announced + rest.lines().filter(|l| is_done(l)).count()
 }
 
 fn poses(path: &Path) -> Option<Vec<PoseRecord>> {
@@ -182,5 +236,6 @@ fn replay(settings: &Settings, at: &Path, session: &str) -> Option<Vec<u8>> {
     }
     let table = at.join("t.nc");
     let _ = std::fs::remove_file(&table);
-    quiet(&["replay", session, "--reference", "white.mcap", "-o", "t.nc"]).then(|| std::fs::read(table).ok())?
+    quiet(&["replay", session, "--reference", "white.mcap", "-o", "t.nc"])
+        .then(|| std::fs::read(table).ok())?
 }

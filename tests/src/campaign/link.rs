@@ -8,12 +8,12 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
+use gonio_protocol::UNANSWERED;
 use gonio_protocol::device::{Device, DeviceEvent, Identity};
 use gonio_protocol::frame::Encoded;
 use gonio_protocol::hello::{Serial, Version};
 use gonio_protocol::host::{Host, HostEvent};
 use gonio_protocol::message::{Command, Outcome, Reply};
-use gonio_protocol::UNANSWERED;
 
 use super::dice::Dice;
 use super::{Figure, Settings, grouped};
@@ -193,7 +193,8 @@ pub fn exchange(commands: u64, depth: usize, weather: Weather, seed: u64, stream
     // nothing that works takes a second a command
     let limit = Duration::from_secs(commands.max(1000));
     while answered < commands && now < limit {
-        while host.is_connected() && waiting.len() < depth && u64::from(next_id) < commands && host.free() > 0 {
+        while host.is_connected() && waiting.len() < depth && u64::from(next_id) < commands && host.free() > 0
+        {
             next_id += 1;
             if host.command(next_id, Command::CameraTrigger { exposure_us: next_id }).is_ok() {
                 waiting.insert(next_id, now);
@@ -297,7 +298,11 @@ pub fn figures(settings: &Settings) -> Vec<Figure> {
             format!("{}, {}, {}", grouped(full.frames), grouped(full.damaged), grouped(full.retransmits)),
             &size,
         ),
-        Figure::told("sessions begun anew", (full.sessions.saturating_sub(settings.threads.max(1) as u64)).to_string(), &size),
+        Figure::told(
+            "sessions begun anew",
+            (full.sessions.saturating_sub(settings.threads.max(1) as u64)).to_string(),
+            &size,
+        ),
         Figure::told("rate", format!("{:.0} commands/s", commands as f64 / seconds), &size),
     ]
 }

@@ -83,13 +83,25 @@ impl Figure {
     /// Something worth knowing that nothing was promised about.
     #[must_use]
     pub fn told(name: &str, value: impl Into<String>, size: &str) -> Self {
-        Self { name: name.to_owned(), value: value.into(), bound: String::new(), size: size.to_owned(), met: true }
+        Self {
+            name: name.to_owned(),
+            value: value.into(),
+            bound: String::new(),
+            size: size.to_owned(),
+            met: true,
+        }
     }
 
     /// Something promised in words.
     #[must_use]
     pub fn said(name: &str, value: impl Into<String>, bound: &str, size: &str, met: bool) -> Self {
-        Self { name: name.to_owned(), value: value.into(), bound: bound.to_owned(), size: size.to_owned(), met }
+        Self {
+            name: name.to_owned(),
+            value: value.into(),
+            bound: bound.to_owned(),
+            size: size.to_owned(),
+            met,
+        }
     }
 }
 
@@ -134,9 +146,17 @@ pub const CAMPAIGNS: &[Campaign] = &[
     Campaign { name: "link", about: "commands over a bad line, in virtual time", run: link::figures },
     Campaign { name: "safety", about: "a host that falls silent; emergency stops", run: safety::figures },
     Campaign { name: "returning", about: "a plug pulled in mid-scan and put back", run: returning::figures },
-    Campaign { name: "kill", about: "the host killed in mid-scan, and the scan continued", run: kill::figures },
+    Campaign {
+        name: "kill",
+        about: "the host killed in mid-scan, and the scan continued",
+        run: kill::figures,
+    },
     Campaign { name: "damage", about: "cut and flipped session files", run: damage::figures },
     Campaign { name: "soak", about: "scan after scan under faults", run: soak::figures },
     Campaign { name: "fuzz", about: "mutated input into everything that reads bytes", run: fuzz::figures },
-    Campaign { name: "remaining", about: "the time left, told after a tenth of a scan", run: remaining::figures },
+    Campaign {
+        name: "remaining",
+        about: "the time left, told after a tenth of a scan",
+        run: remaining::figures,
+    },
 ];

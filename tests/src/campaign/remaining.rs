@@ -47,7 +47,9 @@ pub fn figures(settings: &Settings) -> Vec<Figure> {
         course = [tenth, poses / 4, poses / 2]
             .iter()
             .filter_map(|&n| told.remaining.iter().find(|r| r.1 >= n))
-            .map(|&(then, _, left)| format!("{:.1} %", 100.0 * error(left, end.saturating_duration_since(then))))
+            .map(|&(then, _, left)| {
+                format!("{:.1} %", 100.0 * error(left, end.saturating_duration_since(then)))
+            })
             .collect::<Vec<_>>()
             .join(", ");
     }

@@ -51,8 +51,9 @@ pub fn figures(settings: &Settings) -> Vec<Figure> {
             let pty = &tiny.pty;
             let hand = scope.spawn(move || {
                 std::thread::sleep(Duration::from_secs_f64(after));
-                pty.pull();
+                // the port is gone at some time between this and the return of the pull
                 let gone = Instant::now();
+                pty.pull();
                 std::thread::sleep(Duration::from_secs_f64(away));
                 pty.plug();
                 (gone, Instant::now())
@@ -71,7 +72,11 @@ pub fn figures(settings: &Settings) -> Vec<Figure> {
             back.push(returned.saturating_duration_since(times.1).as_secs_f64() * 1e3);
         }
         failed += u64::from(outcome != Outcome::Done);
-        let again = told.notes.iter().filter(|n| n.text.contains("begins anew") || n.text.contains("is given up")).count();
+        let again = told
+            .notes
+            .iter()
+            .filter(|n| n.text.contains("begins anew") || n.text.contains("is given up"))
+            .count();
         repeated = repeated.max(again as u64);
         failed += u64::from(!complete(&path));
     }

@@ -38,7 +38,13 @@ pub fn figures(settings: &Settings) -> Vec<Figure> {
     let deceleration = f64::from(SPEED_UDEG_S) / f64::from(ACCEL_UDEG_S2) * 1e3;
     let size = format!("{} silences, virtual time", grouped(silences));
     let mut figures = vec![
-        Figure::at_most("last heartbeat to standstill, longest", worst.0, "ms", LEASE_MS + deceleration + 2.0, &size),
+        Figure::at_most(
+            "last heartbeat to standstill, longest",
+            worst.0,
+            "ms",
+            LEASE_MS + deceleration + 2.0,
+            &size,
+        ),
         Figure::at_most("last heartbeat to shutter closing, longest", worst.1, "ms", LEASE_MS + 2.0, &size),
     ];
     figures.extend(host_gone(settings));
@@ -124,14 +130,19 @@ fn host_gone(settings: &Settings) -> Vec<Figure> {
     for round in 0..rounds {
         let mut host = Guard(start(settings, &tiny, folder.path(), &socket));
         let begun = Instant::now();
-        while !(tiny.world.state().moving || tiny.world.state().shutter_open) && begun.elapsed() < Duration::from_secs(60) {
+        while !(tiny.world.state().moving || tiny.world.state().shutter_open)
+            && begun.elapsed() < Duration::from_secs(60)
+        {
             std::thread::sleep(Duration::from_millis(1));
         }
         std::thread::sleep(Duration::from_secs_f64(2.0 * dice.fraction()));
-        while !(tiny.world.state().moving || tiny.world.state().shutter_open) && begun.elapsed() < Duration::from_secs(60) {
+        while !(tiny.world.state().moving || tiny.world.state().shutter_open)
+            && begun.elapsed() < Duration::from_secs(60)
+        {
             std::thread::sleep(Duration::from_micros(200));
         }
-        let signal = if round % 2 == 0 { rustix::process::Signal::STOP } else { rustix::process::Signal::KILL };
+        let signal =
+            if round % 2 == 0 { rustix::process::Signal::STOP } else { rustix::process::Signal::KILL };
         host.signal(signal);
         let gone = Instant::now();
         while tiny.world.state().moving || tiny.world.state().shutter_open {
@@ -207,8 +218,9 @@ fn emergency_stops(settings: &Settings) -> Vec<Figure> {
     let mut took = Vec::new();
     for n in 0..stops {
         events.lock().expect("not poisoned").clear();
-        let pending: Vec<_> =
-            (0..if n % 2 == 0 { 0 } else { 12 }).filter_map(|_| stage.client().start(Command::Status).ok()).collect();
+        let pending: Vec<_> = (0..if n % 2 == 0 { 0 } else { 12 })
+            .filter_map(|_| stage.client().start(Command::Status).ok())
+            .collect();
         let called = Instant::now();
         stage.client().emergency_stop().expect("a client");
         let answered = loop {
@@ -237,6 +249,10 @@ fn emergency_stops(settings: &Settings) -> Vec<Figure> {
     let size = format!("{} emergency stops through the pseudo-terminal", grouped(stops));
     vec![
         Figure::at_most("emergency stop, call to answer, p99.9", at(0.999), "ms", 20.0, &size),
-        Figure::told("the same, p50 / p99 / longest", format!("{:.2} / {:.2} / {:.2} ms", at(0.5), at(0.99), at(1.0)), &size),
+        Figure::told(
+            "the same, p50 / p99 / longest",
+            format!("{:.2} / {:.2} / {:.2} ms", at(0.5), at(0.99), at(1.0)),
+            &size,
+        ),
     ]
 }

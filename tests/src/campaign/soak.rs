@@ -85,11 +85,14 @@ pub fn figures(settings: &Settings) -> Vec<Figure> {
         frames += counts.sound;
         dropped += done.dropped;
         // a frame given twice takes the place of one that never comes
-        unaccounted += counts.missing.abs_diff(done.dropped + done.duplicated);
+        // this camera's first frame is number 0
+        let missing = counts.missing + counts.first.unwrap_or(0);
+        unaccounted += missing.abs_diff(done.dropped + done.duplicated);
         unaccounted += counts.repeated.abs_diff(done.duplicated);
         unaccounted += counts.timed_out.abs_diff(done.late);
         damaged += u64::from(!verify(&path).is_ok_and(|r| r.status == Status::Intact));
-        let kept: u64 = Session::open(&path).map_or(0, |s| s.poses().flatten().map(|p| p.exposures.len() as u64).sum());
+        let kept: u64 =
+            Session::open(&path).map_or(0, |s| s.poses().flatten().map(|p| p.exposures.len() as u64).sum());
         unaccounted += u64::from(kept > counts.sound);
         memory.push(resident_kib());
         descriptors.push(open_descriptors());
@@ -99,7 +102,8 @@ pub fn figures(settings: &Settings) -> Vec<Figure> {
     let third = (settled.len() / 3).max(1);
     let mean = |v: &[u64]| v.iter().sum::<u64>() as f64 / v.len().max(1) as f64;
     let growth = mean(&settled[settled.len() - third..]) / mean(&settled[..third]) - 1.0;
-    let more = descriptors.last().copied().unwrap_or(0).saturating_sub(descriptors.first().copied().unwrap_or(0));
+    let more =
+        descriptors.last().copied().unwrap_or(0).saturating_sub(descriptors.first().copied().unwrap_or(0));
     vec![
         // a handful of scans is no level yet
         Figure::at_most(
@@ -110,11 +114,20 @@ pub fn figures(settings: &Settings) -> Vec<Figure> {
             &size,
         ),
         Figure::exactly("file descriptors more at the end than after the first scan", more, 0, &size),
-        Figure::exactly("frames unaccounted for", unaccounted, 0, &format!("{} kept, {} dropped", grouped(frames), grouped(dropped))),
+        Figure::exactly(
+            "frames unaccounted for",
+            unaccounted,
+            0,
+            &format!("{} kept, {} dropped", grouped(frames), grouped(dropped)),
+        ),
         Figure::exactly("scans that failed", failed, 0, &size),
         Figure::exactly("sessions not intact", damaged, 0, &size),
         Figure::told("scans with a pose given up after three tries at a frame", partial.to_string(), &size),
-        Figure::told("memory at the end", format!("{:.1} MiB", memory.last().copied().unwrap_or(0) as f64 / 1024.0), &size),
+        Figure::told(
+            "memory at the end",
+            format!("{:.1} MiB", memory.last().copied().unwrap_or(0) as f64 / 1024.0),
+            &size,
+        ),
     ]
 }
 

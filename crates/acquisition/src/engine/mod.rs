@@ -426,7 +426,8 @@ impl Engine {
         let run = self.todo.len() as u32;
         let each = if self.done > 0 { f64::from(self.frames) / f64::from(self.done) } else { 6.0 };
         let ahead = self.todo.get(self.at..).unwrap_or(&[]);
-        let ahead: Vec<Pose> = ahead.iter().filter_map(|&i| self.setup.poses.get(i as usize).copied()).collect();
+        let ahead: Vec<Pose> =
+            ahead.iter().filter_map(|&i| self.setup.poses.get(i as usize).copied()).collect();
         let remaining = self.timing.remaining(&ahead);
         Progress {
             phase: self.phase(),

@@ -13,7 +13,7 @@ use super::Action;
 /// Least cosine, so that a grazing tilt does not promise an eternity.
 const LEAST_COS: f64 = 0.05;
 /// Weight of the exponent before anything is known, in units of the spread of ln(1/cos θ) squared, and its value.
-const PRIOR: (f64, f64) = (0.02, 1.0);
+const PRIOR: (f64, f64) = (0.3, 1.0);
 
 /// What the actions so far took.
 #[derive(Clone, Debug, Default)]
@@ -112,8 +112,10 @@ impl Timing {
         if self.moves.is_empty() {
             return (0.0, 0.0);
         }
-        let (x_mean, y_mean) =
-            (self.moves.iter().map(|m| m.0).sum::<f64>() / n, self.moves.iter().map(|m| m.1).sum::<f64>() / n);
+        let (x_mean, y_mean) = (
+            self.moves.iter().map(|m| m.0).sum::<f64>() / n,
+            self.moves.iter().map(|m| m.1).sum::<f64>() / n,
+        );
         let spread: f64 = self.moves.iter().map(|m| (m.0 - x_mean).powi(2)).sum();
         let common: f64 = self.moves.iter().map(|m| (m.0 - x_mean) * (m.1 - y_mean)).sum();
         let b = if spread > 1.0 { (common / spread).max(0.0) } else { 0.0 };
@@ -158,7 +160,8 @@ mod tests {
 
     #[test]
     fn a_tenth_of_a_scan_tells_the_rest() {
-        let poses: Vec<Pose> = (0..40).map(|n| Pose::from_degrees(f64::from(n / 4) * 8.0, f64::from(n % 4) * 30.0)).collect();
+        let poses: Vec<Pose> =
+            (0..40).map(|n| Pose::from_degrees(f64::from(n / 4) * 8.0, f64::from(n % 4) * 30.0)).collect();
         let (timing, left) = scan(&poses, 4);
         let told = timing.remaining(&poses[4..]).expect("poses are done").as_secs_f64();
         assert!((told / left - 1.0).abs() < 0.05, "{told} s told, {left} s left");

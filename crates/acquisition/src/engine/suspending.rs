@@ -63,7 +63,9 @@ impl Engine {
         let back = match self.state {
             State::Open | State::Expose => State::Open,
             State::Begin | State::Move => State::Move,
-            State::Shade | State::Suspended | State::Relight => self.suspension.as_ref().map_or(State::Shut, |s| s.back),
+            State::Shade | State::Suspended | State::Relight => {
+                self.suspension.as_ref().map_or(State::Shut, |s| s.back)
+            }
             other => other,
         };
         self.suspend(Until::Rearmed, error, back);
@@ -86,7 +88,10 @@ impl Engine {
             return false;
         }
         let error = fault(
-            format!("{:.0} % of the pixels saturated at the shortest exposure", summary.saturated_share * 100.0),
+            format!(
+                "{:.0} % of the pixels saturated at the shortest exposure",
+                summary.saturated_share * 100.0
+            ),
             "keep other light out, or dim the lamp",
         );
         self.suspend(Until::Later, error, State::Open);

@@ -58,7 +58,8 @@ fn line(s: &ScanState) -> String {
             link.sessions
         )
     };
-    let waits = if s.waiting_for.is_empty() { String::new() } else { format!("\n  waiting: {}", s.waiting_for) };
+    let waits =
+        if s.waiting_for.is_empty() { String::new() } else { format!("\n  waiting: {}", s.waiting_for) };
     format!(
         "{} ({}, process {}): {}, {} of {} poses done{}{}{}{waits}{link}\n",
         s.session,

@@ -191,7 +191,8 @@ pub fn scan(a: &ScanArguments, cancel: &Cancel) -> Result<Scanned, Failure> {
             _ => Ok(Scanned { recorded, fit: None, files: None, coat: None, lost: Vec::new() }),
         };
     }
-    let mut rig = Rig::open(&a.device, &a.camera, &instrument, &plan, kind, simulated.as_ref(), a.patience())?;
+    let mut rig =
+        Rig::open(&a.device, &a.camera, &instrument, &plan, kind, simulated.as_ref(), a.patience())?;
     let state = ScanState {
         session: a.output.display().to_string(),
         kind: kind.name().to_owned(),

@@ -29,7 +29,8 @@ pub fn fault_error(fault: Fault) -> DeviceError {
         Fault::OverTemperature { .. } => "let the lamp cool and see to its fan, then re-arm",
         Fault::EmergencyStop => "re-arm when it is safe; the lamp has to warm up again",
     };
-    let (passes, fault) = (matches!(fault, Fault::InterlockOpen | Fault::OverTemperature { .. }), describe_fault(fault));
+    let (passes, fault) =
+        (matches!(fault, Fault::InterlockOpen | Fault::OverTemperature { .. }), describe_fault(fault));
     let advice = advice.to_owned();
     if passes { DeviceError::Suspended { fault, advice } } else { DeviceError::Fault { fault, advice } }
 }
@@ -49,7 +50,9 @@ pub fn describe_fault(fault: Fault) -> String {
 
 /// The error of a command that a restart of the device has ended.
 pub(super) fn restarted_error(boot: u32) -> DeviceError {
-    DeviceError::PositionsVoid { why: format!("has restarted (start number {boot}); see to its power supply") }
+    DeviceError::PositionsVoid {
+        why: format!("has restarted (start number {boot}); see to its power supply"),
+    }
 }
 
 /// A command in words.

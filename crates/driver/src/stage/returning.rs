@@ -83,6 +83,9 @@ mod tests {
         assert!(!check(before, false, status(4, true, 40_000_000)), "it has restarted");
         assert!(!check(before, false, status(3, false, 40_000_000)), "it has lost its positions");
         assert!(check(before, true, status(3, true, 10_000_000)), "a move was under way");
-        assert!(check(status(3, false, 0), false, status(3, false, 9_000_000)), "never homed: nothing to lose");
+        assert!(
+            check(status(3, false, 0), false, status(3, false, 9_000_000)),
+            "never homed: nothing to lose"
+        );
     }
 }

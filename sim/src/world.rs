@@ -33,6 +33,8 @@ pub struct State {
     pub triggers: u32,
     /// How often the axes have found their zeros.
     pub homings: u32,
+    /// How often the shutter was opened.
+    pub openings: u32,
     /// How much faster than real time motion, exposure, warm-up and drift run.
     pub time_scale: f64,
     /// Switches thrown from outside.
@@ -67,6 +69,7 @@ impl State {
             sample_height_mm: 0.0,
             triggers: 0,
             homings: 0,
+            openings: 0,
             time_scale,
             switches: Switches::default(),
         }

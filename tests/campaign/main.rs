@@ -36,7 +36,8 @@ fn main() -> ExitCode {
         return ExitCode::FAILURE;
     };
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    let settings = Settings { seed, share, threads, program: vec![program.into(), "gonio".into()] };
+    let settings =
+        Settings { seed, share, timed: true, threads, program: vec![program.into(), "gonio".into()] };
     let mut missed = 0;
     for campaign in chosen {
         let command = repeat(campaign.name, share, seed);

@@ -14,7 +14,9 @@ fn the_same_table(bench: &Bench, mistreated: &str, ran: &Ran) {
     assert!(again, "the trouble shows in the table, and no frame was taken again: {}", ran.stderr);
     let json = ran.json();
     let found = |name: &str| json["fit"]["parameters"][name]["value"].as_f64().unwrap_or_default();
-    for (name, truth, within) in [("exponent", 60.0, 0.03), ("diffuse_r", 0.3, 0.02), ("specular_r", 0.1, 0.05)] {
+    for (name, truth, within) in
+        [("exponent", 60.0, 0.03), ("diffuse_r", 0.3, 0.02), ("specular_r", 0.1, 0.05)]
+    {
         assert!((found(name) / truth - 1.0).abs() < within, "{name} {}", found(name));
     }
 }

@@ -6,6 +6,7 @@ fn small(name: &str) {
     let settings = Settings {
         seed: 1,
         share: 1e-5,
+        timed: false,
         threads: 2,
         program: vec![env!("CARGO_BIN_EXE_gonio_under_test").into()],
     };

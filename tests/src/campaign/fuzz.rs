@@ -26,11 +26,14 @@ use super::{Figure, Settings, damage, grouped};
 /// Inputs of each reader for the promise.
 const FULL: u64 = 2_000_000;
 
+/// Reads bytes, in a folder that it may use.
+type Reader = Box<dyn Fn(&[u8], &Path)>;
+
 /// A reader and what it reads when all is well.
 struct Target {
     name: &'static str,
     corpus: Vec<Vec<u8>>,
-    read: Box<dyn Fn(&[u8], &Path)>,
+    read: Reader,
     /// Inputs of it for one of the cheapest.
     cost: u64,
 }
@@ -78,8 +81,9 @@ pub fn figures(settings: &Settings) -> Vec<Figure> {
     let size = format!("{} inputs", grouped(inputs));
     vec![
         Figure::exactly("panics", panics, 0, &size),
-        Figure::at_most("memory at its highest, above that before", grown, "MiB", 512.0, &size),
-        Figure::at_most(
+        Figure::time(settings, "memory at its highest, above that before", grown, "MiB", 512.0, &size),
+        Figure::time(
+            settings,
             &format!("longest time over one input ({})", slowest.1),
             slowest.0.as_secs_f64(),
             "s",

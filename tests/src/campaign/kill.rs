@@ -49,6 +49,9 @@ pub fn figures(settings: &Settings) -> Vec<Figure> {
         (0u64, 0u64, 0u64, 0u64, 0u64, 0u64);
     let mut by_done = [0u64; 8];
     for n in 0..kills {
+        if n > 0 && n % 50 == 0 {
+            eprintln!("{n} of {kills} kills, {unlike} unlike");
+        }
         let session = at.join("s.mcap");
         for old in ["s.mcap", "s.2.mcap", "s.3.mcap", "s.nc"] {
             let _ = std::fs::remove_file(at.join(old));
@@ -180,7 +183,7 @@ enum When {
 /// Kills a scan; how many poses it had announced as done.
 fn kill_one(settings: &Settings, at: &Path, when: &When) -> usize {
     let mut child = command(settings, at, "s.mcap", false).spawn().expect("the program starts");
-    let Some(stderr) = child.stderr.take() else { return 0 };
+    let stderr = child.stderr.take().expect("a pipe was asked for");
     let mut told = BufReader::new(stderr);
     let mut announced = 0;
     let is_done = |line: &str| line.contains(" done (");

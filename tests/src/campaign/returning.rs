@@ -83,8 +83,8 @@ pub fn figures(settings: &Settings) -> Vec<Figure> {
     let longest = |v: &[f64]| v.iter().copied().fold(0.0, f64::max);
     let size = format!("{} scans, {} pulled within", grouped(rounds), grouped(pulled));
     vec![
-        Figure::at_most("hang-up to noticed, longest", longest(&noticed), "ms", 100.0, &size),
-        Figure::at_most("port back to position checked, longest", longest(&back), "ms", 2000.0, &size),
+        Figure::time(settings, "hang-up to noticed, longest", longest(&noticed), "ms", 100.0, &size),
+        Figure::time(settings, "port back to position checked, longest", longest(&back), "ms", 2000.0, &size),
         Figure::exactly("scans that did not end complete", failed, 0, &size),
         Figure::at_most("poses begun anew in one scan, most", repeated as f64, "", 1.0, &size),
         Figure::said("scans pulled within", pulled.to_string(), "≥ 1", &size, pulled >= 1),

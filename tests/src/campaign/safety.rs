@@ -162,7 +162,8 @@ fn host_gone(settings: &Settings) -> Vec<Figure> {
     let deceleration = 60.0 / 200.0 * 1e3 / 2.0;
     let longest = took.last().copied().unwrap_or(f64::INFINITY);
     vec![
-        Figure::at_most(
+        Figure::time(
+            settings,
             "host gone to standstill and closed shutter, longest",
             longest,
             "ms",
@@ -248,7 +249,7 @@ fn emergency_stops(settings: &Settings) -> Vec<Figure> {
     let at = |share: f64| took[((took.len() as f64 * share) as usize).min(took.len() - 1)];
     let size = format!("{} emergency stops through the pseudo-terminal", grouped(stops));
     vec![
-        Figure::at_most("emergency stop, call to answer, p99.9", at(0.999), "ms", 20.0, &size),
+        Figure::time(settings, "emergency stop, call to answer, p99.9", at(0.999), "ms", 20.0, &size),
         Figure::told(
             "the same, p50 / p99 / longest",
             format!("{:.2} / {:.2} / {:.2} ms", at(0.5), at(0.99), at(1.0)),

@@ -105,12 +105,12 @@ pub fn figures(settings: &Settings) -> Vec<Figure> {
     let more =
         descriptors.last().copied().unwrap_or(0).saturating_sub(descriptors.first().copied().unwrap_or(0));
     vec![
-        // a handful of scans is no level yet
-        Figure::at_most(
+        Figure::time(
+            settings,
             "memory, last third over first third after warm-up",
             growth * 100.0,
             "%",
-            if settled.len() < 30 { 50.0 } else { 5.0 },
+            5.0,
             &size,
         ),
         Figure::exactly("file descriptors more at the end than after the first scan", more, 0, &size),

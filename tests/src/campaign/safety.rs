@@ -135,7 +135,9 @@ fn host_gone(settings: &Settings) -> Vec<Figure> {
         {
             std::thread::sleep(Duration::from_millis(1));
         }
-        std::thread::sleep(Duration::from_secs_f64(2.0 * dice.fraction()));
+        // homing comes first, then the lamp warms up: a short look need not wait for that
+        let within_s = if settings.timed { 2.0 } else { 0.3 };
+        std::thread::sleep(Duration::from_secs_f64(within_s * dice.fraction()));
         while !(tiny.world.state().moving || tiny.world.state().shutter_open)
             && begun.elapsed() < Duration::from_secs(60)
         {

@@ -180,7 +180,7 @@ impl Worker {
                     self.transport = transport;
                     break;
                 }
-                Err(_) if since.elapsed() < self.options.patience => std::thread::sleep(LOOK_AGAIN),
+                Err(_) if since.elapsed() < self.patience() => std::thread::sleep(LOOK_AGAIN),
                 // the last word is why it cannot be opened: in use, denied, absent
                 Err(why @ (DeviceError::InUse { .. } | DeviceError::Denied { .. })) => return Err(why),
                 Err(_) => return Err(error),
@@ -192,6 +192,12 @@ impl Worker {
         // one that hangs up again at once is looked for again at the next step
         let _ = self.send(&[0]);
         Ok(())
+    }
+
+    /// Whoever asks for a stop does not want to wait for the port: the device has made itself safe by its lease.
+    fn patience(&self) -> Duration {
+        let stopping = self.outstanding.values().any(|o| o.command == Command::Stop);
+        if stopping { self.options.patience.min(FAREWELL) } else { self.options.patience }
     }
 
     /// The first state that the device tells after the port came back.

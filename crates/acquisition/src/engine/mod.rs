@@ -7,8 +7,10 @@
 //! has restarted is homed, and the pose under way begun anew.
 
 mod bracketing;
+mod failing;
 mod notes;
 pub mod preflight;
+mod progress;
 mod remaining;
 mod safing;
 pub mod setup;
@@ -418,57 +420,10 @@ impl Engine {
         }
     }
 
-    /// How far the scan is.
-    #[must_use]
-    pub fn progress(&self) -> Progress {
-        let total = self.setup.poses.len() as u32;
-        let earlier = total - self.todo.len() as u32;
-        let run = self.todo.len() as u32;
-        let each = if self.done > 0 { f64::from(self.frames) / f64::from(self.done) } else { 6.0 };
-        let ahead = self.todo.get(self.at..).unwrap_or(&[]);
-        let ahead: Vec<Pose> =
-            ahead.iter().filter_map(|&i| self.setup.poses.get(i as usize).copied()).collect();
-        let remaining = self.timing.remaining(&ahead);
-        Progress {
-            phase: self.phase(),
-            poses_done: earlier + self.done,
-            poses_total: total,
-            exposures_done: self.frames,
-            exposures_total: self.frames.max((each * f64::from(run)).round() as u32),
-            remaining,
-        }
-    }
-
     /// Poses that were given up so far.
     #[must_use]
     pub fn lost(&self) -> &[LostPose] {
         &self.lost
-    }
-
-    /// How long the action took that this event answers.
-    fn learn(&mut self, event: &Event) {
-        let Some((action, began)) = self.acting.take() else { return };
-        let took = self.elapsed.saturating_sub(began);
-        match (&action, event) {
-            (Action::MoveTo { pose, .. }, Event::Moved(_)) => self.timing.moved(*pose, took),
-            (_, Event::Failed(_) | Event::JournalFailed(_)) => {}
-            _ => self.timing.acted(&action, took),
-        }
-    }
-
-    fn phase(&self) -> Phase {
-        match self.state {
-            State::Ended => Phase::Ended,
-            State::Safing => Phase::Safing,
-            _ if self.paused && !self.in_flight => Phase::Paused,
-            State::CheckJournal | State::CheckSensors | State::Shut => Phase::Preflight,
-            State::Home => Phase::Homing,
-            State::Shade | State::Suspended | State::Relight => Phase::Suspended,
-            State::LampOn | State::LampOff => Phase::Lamp,
-            State::Move | State::Begin | State::Halt => Phase::Moving,
-            State::Dark { .. } => Phase::Dark,
-            State::Open | State::Expose | State::Close | State::EndPose | State::GiveUp => Phase::Exposing,
-        }
     }
 
     /// Poses not taken: those ahead, the one under way, and those given up.
@@ -615,87 +570,5 @@ impl Engine {
         let lost = std::mem::take(&mut self.lost);
         self.outcome = Some(if lost.is_empty() { Outcome::Done } else { Outcome::Partial { lost } });
         State::Ended
-    }
-
-    /// Gives the pose under way up and goes on with the next.
-    fn lose(&mut self, reason: String) {
-        let index = self.index();
-        self.note(true, format!("pose {index} is given up: {reason}"));
-        self.lost.push(LostPose { index, reason });
-        self.frame = Frame::Idle;
-        self.state = if self.pose_open { State::Close } else { State::Halt };
-    }
-
-    fn failed(&mut self, e: DeviceError) {
-        match (&e, self.state) {
-            (DeviceError::Cancelled, _) => {
-                let emergency = self.abort.unwrap_or(false);
-                self.end(Outcome::Aborted { emergency, remaining: self.remaining() }, emergency);
-            }
-            // one more try for a frame that came damaged or not at all
-            (
-                DeviceError::BadFrame { .. } | DeviceError::Timeout { .. },
-                State::Dark { .. } | State::Expose,
-            ) if self.frame == Frame::Idle => {
-                self.tries += 1;
-                if self.tries >= TRIES {
-                    self.lose(e.to_string());
-                } else {
-                    self.note_again(&e);
-                }
-            }
-            // a fault that closed the shutter spoils the frame; what can be re-armed has been, what cannot refuses the next command
-            (DeviceError::Fault { .. }, State::Dark { .. } | State::Expose) if self.frame == Frame::Taken => {
-                self.frame = Frame::Idle;
-                self.tries += 1;
-                if self.tries >= TRIES {
-                    self.fail(ScanError::Device(e));
-                } else {
-                    self.note_again(&e);
-                    if self.state == State::Expose {
-                        self.state = State::Open;
-                    }
-                }
-            }
-            // left behind by whoever was here before
-            (DeviceError::Fault { .. } | DeviceError::Suspended { .. }, State::CheckSensors)
-                if self.tries == 0 =>
-            {
-                self.tries = 1;
-            }
-            (DeviceError::Suspended { .. } | DeviceError::Fault { .. }, State::Suspended) => self.wait_on(),
-            // it has switched the lamp off itself
-            (DeviceError::Suspended { .. }, State::LampOff) => self.advance(&Event::Done),
-            (DeviceError::Suspended { .. }, s) if s.waits() => self.suspend_for_device(e),
-            (DeviceError::PositionsVoid { .. }, s) if s.waits() => self.begin_anew(e),
-            (DeviceError::NotRecorded { .. }, State::Move | State::Dark { .. } | State::Expose) => {
-                self.lose(e.to_string());
-            }
-            _ => self.fail(ScanError::Device(e)),
-        }
-    }
-
-    /// Nobody knows any more where the sample stands: home, and take the pose under way from its beginning.
-    fn begin_anew(&mut self, e: DeviceError) {
-        self.beginnings += 1;
-        if self.beginnings > TRIES {
-            return self.fail(ScanError::Device(e));
-        }
-        self.note(true, format!("pose {} begins anew: {e}", self.index()));
-        self.frame = Frame::Idle;
-        self.suspension = None;
-        self.anew = self.pose_open;
-        self.state = if self.pose_open { State::Close } else { State::Shut };
-    }
-
-    fn fail(&mut self, error: ScanError) {
-        self.end(Outcome::Failed { error, remaining: self.remaining() }, false);
-    }
-
-    fn end(&mut self, outcome: Outcome, emergency: bool) {
-        self.outcome = Some(outcome);
-        self.safing = Some(Safing::new(emergency, self.pose_open, self.lamp_on));
-        self.state = State::Safing;
-        self.frame = Frame::Idle;
     }
 }

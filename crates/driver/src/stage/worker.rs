@@ -260,6 +260,8 @@ impl Worker {
             }
             HostEvent::Rebooted { boot } => {
                 self.returning = None;
+                // what was told before says nothing of this start, and a restart is told once
+                self.update(|snapshot| snapshot.telemetry = None);
                 self.fail_all(&restarted_error(boot));
                 self.tell(&StageEvent::Restarted { boot });
             }

@@ -62,20 +62,24 @@ struct Tally {
     wrong: u64,
     unreported: u64,
     returned: u64,
-    whole: u64,
+    /// Frames of poses that the damage did not touch, and of these those that came out.
+    good: u64,
+    good_returned: u64,
     refused: u64,
 }
 
 impl Tally {
-    /// Reads what is left; `whole` frames ought to be there.
-    fn look(&mut self, path: &Path, wanted: &[PoseRecord], whole: u64) {
+    /// Reads what is left; the poses of `good` ought to be there.
+    fn look(&mut self, path: &Path, wanted: &[PoseRecord], good: &[u32]) {
         self.files += 1;
-        self.whole += whole;
+        self.good += good.len() as u64 * u64::from(FRAMES);
         let Ok(session) = Session::open(path) else { return };
         for pose in session.poses().flatten() {
             let true_one = wanted.contains(&pose);
             self.wrong += if true_one { 0 } else { pose.exposures.len() as u64 };
-            self.returned += if true_one { pose.exposures.len() as u64 } else { 0 };
+            let frames = if true_one { pose.exposures.len() as u64 } else { 0 };
+            self.returned += frames;
+            self.good_returned += if good.contains(&pose.index) { frames } else { 0 };
         }
         session.notes().for_each(drop);
     }
@@ -110,7 +114,7 @@ pub fn figures(settings: &Settings) -> Vec<Figure> {
         Figure::exactly("cuts unreported by verify", cuts.unreported, 0, &size_of_cuts),
         Figure::exactly(
             "whole frames before the cut that are not returned",
-            cuts.whole.saturating_sub(cuts.returned),
+            cuts.good - cuts.good_returned,
             0,
             &size_of_cuts,
         ),
@@ -118,13 +122,13 @@ pub fn figures(settings: &Settings) -> Vec<Figure> {
         Figure::exactly("flips unreported by verify", flips.unreported, 0, &size_of_flips),
         Figure::exactly(
             "frames of poses that no flip hit, not returned",
-            flips.whole.saturating_sub(flips.returned),
+            flips.good - flips.good_returned,
             0,
             &size_of_flips,
         ),
         Figure::told(
             "share of the good frames returned after flips",
-            percent(flips.returned, flips.whole),
+            percent(flips.good_returned, flips.good),
             &size_of_flips,
         ),
         Figure::told(
@@ -143,8 +147,9 @@ fn cut_everywhere(folder: &Path, path: &Path, wanted: &[PoseRecord], ends: &[u64
     let mut tally = Tally::default();
     for at in (0..bytes.len()).step_by(step) {
         std::fs::write(&cut, &bytes[..at]).expect("written");
-        let whole = ends.iter().skip(1).filter(|&&end| at as u64 >= end).count() as u64 * u64::from(FRAMES);
-        tally.look(&cut, wanted, whole);
+        let whole = ends.iter().skip(1).zip(0..).filter(|(end, _)| at as u64 >= **end);
+        let whole: Vec<u32> = whole.map(|(_, index)| index).collect();
+        tally.look(&cut, wanted, &whole);
         tally.verified(&cut);
     }
     tally
@@ -163,8 +168,9 @@ fn flip(path: &Path, wanted: &[PoseRecord], ends: &[u64], flips: u64, seed: u64)
             toggle(&file, bit);
         }
         let hit = |from: u64, to: u64| places.keys().any(|&bit| (from..to).contains(&(bit as u64 / 8)));
-        let good = ends.windows(2).filter(|pose| !hit(pose[0], pose[1])).count() as u64;
-        tally.look(path, wanted, good * u64::from(FRAMES));
+        let good = ends.windows(2).zip(0..).filter(|(pose, _)| !hit(pose[0], pose[1]));
+        let good: Vec<u32> = good.map(|(_, index)| index).collect();
+        tally.look(path, wanted, &good);
         tally.verified(path);
         for &bit in places.keys() {
             toggle(&file, bit);

@@ -26,6 +26,8 @@ pub struct FrameCounts {
     pub timed_out: u64,
     /// Number of the first frame that came; what the camera did before nobody can tell.
     pub first: Option<u64>,
+    /// Number of the last.
+    pub last: Option<u64>,
 }
 
 /// What to do with a frame.
@@ -44,7 +46,6 @@ pub(crate) enum Verdict {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Frames {
     counts: FrameCounts,
-    last: Option<u64>,
     /// By which a torn or frozen one is known.
     last_row: Vec<u16>,
     /// A capture has timed out; its frame may still be on its way.
@@ -66,7 +67,7 @@ impl Frames {
 
     /// Judges a frame; `noisy` where the sensor has read noise, so that no two rows are alike.
     pub(crate) fn judge(&mut self, frame: &Frame, noisy: bool) -> Verdict {
-        let missing = match self.last {
+        let missing = match self.counts.last {
             Some(last) if frame.sequence <= last => {
                 self.counts.repeated += 1;
                 return Verdict::Unusable(format!("frame {last} was the last, so this one came before"));
@@ -74,7 +75,7 @@ impl Frames {
             Some(last) => frame.sequence - last - 1,
             None => 0,
         };
-        self.last = Some(frame.sequence);
+        self.counts.last = Some(frame.sequence);
         self.counts.first.get_or_insert(frame.sequence);
         self.counts.missing += missing;
         let width = (frame.width as usize).max(1);
@@ -137,8 +138,16 @@ mod tests {
         frames.failed(&timeout());
         assert!(matches!(frames.judge(&frame(11, 40), true), Verdict::Unusable(_)), "late, perhaps");
         assert_eq!(frames.judge(&frame(12, 50), true), Verdict::Sound { missing: 0 });
-        let counts =
-            FrameCounts { sound: 4, missing: 2, torn: 1, repeated: 1, late: 1, timed_out: 1, first: Some(5) };
+        let counts = FrameCounts {
+            sound: 4,
+            missing: 2,
+            torn: 1,
+            repeated: 1,
+            late: 1,
+            timed_out: 1,
+            first: Some(5),
+            last: Some(12),
+        };
         assert_eq!(frames.counts(), counts);
     }
 

@@ -7,9 +7,10 @@ use std::time::{Duration, Instant};
 
 use gonio_acquisition::PixelMap;
 use gonio_acquisition::engine::Outcome;
+use gonio_acquisition::runner::FrameCounts;
 use gonio_driver::camera::CameraFaults;
 use gonio_driver::transport::LineFaults;
-use gonio_instrument::Cancel;
+use gonio_instrument::{Camera, Cancel, DeviceError};
 use gonio_recording::{Session, Status, verify};
 use gonio_sim::firmware::{Faults, What};
 
@@ -68,7 +69,8 @@ pub fn figures(settings: &Settings) -> Vec<Figure> {
                 continue;
             };
             let (mut camera, tally) = tiny.camera(bad, dice.next_u64());
-            let (outcome, told) = scan(&tiny, map, &mut stage, &mut camera, &path, &Cancel::new());
+            let (outcome, mut told) = scan(&tiny, map, &mut stage, &mut camera, &path, &Cancel::new());
+            one_more(&mut camera, &mut told.frames);
             (outcome, told, tally.counts())
         };
         drop(tiny);
@@ -129,6 +131,21 @@ pub fn figures(settings: &Settings) -> Vec<Figure> {
             &size,
         ),
     ]
+}
+
+/// What was lost behind the last frame of a scan shows in the number of the next one only.
+fn one_more(camera: &mut impl Camera, counts: &mut FrameCounts) {
+    while let Some(last) = counts.last {
+        match camera.capture(Duration::from_millis(1), &Cancel::new()) {
+            Ok(frame) if frame.sequence > last => {
+                counts.missing += frame.sequence - last - 1;
+                return;
+            }
+            Ok(_) => counts.repeated += 1,
+            Err(DeviceError::Timeout { .. }) => counts.timed_out += 1,
+            Err(_) => return,
+        }
+    }
 }
 
 /// Resident memory of this process, KiB; 0 where the system does not tell.

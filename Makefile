@@ -1,12 +1,13 @@
 # make demo     scan, record, process and fit a virtual paint, with pictures: out/demo
 # make test     every test, formatting and lints
+# make campaign the reliability campaigns at full size, hours in all; ONLY=name, SHARE=0.01 for a part of it, SEED=n; writes docs/reliability.md
 # make figures  the figures this project promises, each with value, bound, seed and command; ONLY=name for one of them
 SHELL := /bin/bash
 .SHELLFLAGS := -o pipefail -c
 TARGET := $(or $(CARGO_TARGET_DIR),target)
 export GONIO_PYTHON ?= $(abspath $(TARGET))/python/bin/python
 
-.PHONY: demo test figures build clean
+.PHONY: demo test figures campaign build clean
 
 demo: build
 	$(TARGET)/release/gonio demo -o out/demo --force
@@ -26,6 +27,10 @@ test:
 figures:
 	@scripts/set-up build
 	@cargo run --quiet --release --locked -p gonio-tests --bin figures -- $(ONLY)
+
+campaign:
+	@scripts/set-up build
+	@cargo run --quiet --release --locked -p gonio-tests --bin campaign -- "$(or $(ONLY),all)" "$(SHARE)" "$(SEED)" docs/reliability.md
 
 clean:
 	cargo clean

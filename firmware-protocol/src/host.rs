@@ -3,6 +3,7 @@
 //! Drive it with four calls: [`Host::receive`] with bytes that came, [`Host::poll_transmit`] until it gives nothing,
 //! [`Host::next_timeout`] to know when to poll again, [`Host::command`] to say something.
 
+use crate::clock::{ClockFilter, ClockOffset};
 use crate::frame::{Encoded, Kind, encode_hello};
 use crate::hello::{Hello, Role, Serial, Version};
 use crate::link::{Full, Link, Received, Statistics, WINDOW};
@@ -70,6 +71,8 @@ pub struct HostStatistics {
     pub last_heartbeat: Option<Duration>,
     /// Bodies that were no message.
     pub malformed: u64,
+    /// The device's clock against the host's; `None` before the first answered heartbeat since the device's start.
+    pub clock: Option<ClockOffset>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -94,6 +97,7 @@ pub struct Host {
     emergencies: u32,
     heard: Option<Duration>,
     link_began: Duration,
+    clock: ClockFilter,
     statistics: HostStatistics,
 }
 
@@ -114,6 +118,7 @@ impl Host {
             emergencies: 0,
             heard: None,
             link_began: Duration::ZERO,
+            clock: ClockFilter::new(),
             statistics: HostStatistics::default(),
         }
     }
@@ -163,7 +168,7 @@ impl Host {
 
     /// Counters.
     pub fn statistics(&self) -> HostStatistics {
-        HostStatistics { link: self.link.statistics(), ..self.statistics }
+        HostStatistics { link: self.link.statistics(), clock: self.clock.offset(), ..self.statistics }
     }
 
     /// Takes bytes from the front of `input` until something comes out or none are left; call until it gives `None`.
@@ -290,6 +295,10 @@ impl Host {
     fn started(&mut self, boot: u32) -> Option<HostEvent> {
         let rebooted = self.boot.is_some_and(|known| known != boot);
         self.boot = Some(boot);
+        if rebooted {
+            // its clock began anew
+            self.clock = ClockFilter::new();
+        }
         rebooted.then_some(HostEvent::Rebooted { boot })
     }
 
@@ -302,6 +311,8 @@ impl Host {
                 self.statistics.last_heartbeat = Some(now);
                 if telemetry.counter == self.counter {
                     self.statistics.heartbeat_round_trip = Some(now.saturating_sub(self.counter_sent_at));
+                    let uptime = Duration::from_millis(u64::from(telemetry.status.uptime_ms));
+                    self.clock.sample(self.counter_sent_at, now, uptime);
                 }
                 HostEvent::Telemetry(telemetry)
             }

@@ -2,7 +2,7 @@
 //!
 //! What this crate does: byte framing ([`frame`]), the greeting that never changes ([`hello`]), the messages
 //! ([`message`]), a reliable ordered link over a lossy byte stream ([`link`]), the two protocol state machines
-//! ([`host`], [`device`]), leases ([`lease`]) and the memory that keeps a repeated command from being executed
+//! ([`host`], [`device`]), leases ([`lease`]), an estimate of the device's clock ([`clock`]) and the memory that keeps a repeated command from being executed
 //! twice ([`dedup`]). Everything is sans-I/O: bytes and a clock are handed in, bytes and events come out, so the
 //! same code runs in firmware, in the host and in tests with virtual time. The clock is a
 //! [`core::time::Duration`] since an arbitrary start; it must not run backwards.
@@ -11,6 +11,7 @@
 //! `SPEC.md` beside this crate says the same byte by byte for authors who do not read Rust.
 #![no_std]
 
+pub mod clock;
 pub mod dedup;
 pub mod device;
 pub mod frame;

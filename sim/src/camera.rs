@@ -2,17 +2,17 @@
 //!
 //! The map of a pose is traced once and kept; each exposure scales it by the lamp's output (0 behind the shutter) and adds noise. Waiting
 //! takes the exposure divided by the world's time scale. Noise depends on seed, sample, pose read back, exposure, shutter and on how many
-//! such frames this camera took before, so a resumed scan sees at a pose what the uninterrupted one sees there.
+//! such frames this camera took since the axes were homed and the shutter was last opened: a scan that is resumed, or takes a spoilt frame
+//! again, sees at a pose what the uninterrupted one sees there, even from an instrument that has lived on.
 
 use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use gonio_instrument::{Camera, CameraInfo, Cancel, Description, DeviceError, Frame, Misalignment};
-use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
-use crate::optics::sensor::{Conditions, NoiseKey, stream};
+use crate::optics::sensor::{Conditions, NoiseKey};
 use crate::optics::{RateMap, Sample, Sensor, VirtualOptics};
 use crate::world::{State, World};
 
@@ -23,8 +23,9 @@ const NAP: Duration = Duration::from_millis(20);
 /// The camera sets its exposure in steps of this.
 const EXPOSURE_STEP_S: f64 = 1e-6;
 
-/// What goes wrong with the camera: probabilities per frame, 0 to 1. All zero is a camera without faults.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+/// What goes wrong with the camera: probabilities per frame, 0 to 1. All zero is a camera without faults. Read from the faults file here, acted
+/// on by whoever wraps a camera in faults.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CameraFaults {
     /// A frame is exposed and lost on its way; the next one comes, and its sequence number shows the gap.
@@ -33,10 +34,12 @@ pub struct CameraFaults {
     pub torn: f64,
     /// The pixels are those of the frame before, under a new sequence number.
     pub frozen: f64,
-    /// The frame comes late by [`CameraFaults::late_by_ms`].
+    /// The frame comes so late that its capture has been given up; the next capture gets it.
     pub late: f64,
-    /// How late, real milliseconds.
+    /// How long a late frame is waited for, real milliseconds.
     pub late_by_ms: f64,
+    /// The frame before comes once more, sequence number and all.
+    pub duplicated: f64,
     /// The camera is unplugged after so many frames.
     pub unplugged_after: Option<u64>,
 }
@@ -48,15 +51,14 @@ pub struct VirtualCamera {
     optics: Arc<VirtualOptics>,
     sample: Arc<Sample>,
     sensor: Arc<Sensor>,
-    seed: u64,
-    faults: CameraFaults,
     info: CameraInfo,
     exposure_limits_s: [f64; 2],
     opened: Instant,
     sequence: u64,
     taken: HashMap<NoiseKey, u64>,
+    /// Homings and openings of the shutter when `taken` was begun.
+    since: (u32, u32),
     map: Option<(MapKey, Arc<RateMap>)>,
-    last: Option<Vec<u16>>,
 }
 
 /// What a map depends on, bit for bit.
@@ -81,8 +83,10 @@ impl CameraFaults {
     /// The first probability outside 0 to 1, with its name.
     #[must_use]
     pub fn out_of_range(&self) -> Option<(&'static str, f64)> {
-        [("dropped", self.dropped), ("torn", self.torn), ("frozen", self.frozen), ("late", self.late)]
+        let late_and_more = [("late", self.late), ("duplicated", self.duplicated)];
+        [("dropped", self.dropped), ("torn", self.torn), ("frozen", self.frozen)]
             .into_iter()
+            .chain(late_and_more)
             .find(|(_, p)| !(0.0..=1.0).contains(p))
     }
 }
@@ -103,8 +107,6 @@ impl VirtualCamera {
             optics: Arc::new(VirtualOptics::new(instrument, errors)),
             sample: Arc::new(sample),
             sensor: Arc::new(Sensor::new(instrument, seed)),
-            seed,
-            faults: CameraFaults::default(),
             info: CameraInfo {
                 name: "virtual camera".to_owned(),
                 serial: format!("virtual-{seed}"),
@@ -116,16 +118,9 @@ impl VirtualCamera {
             opened: Instant::now(),
             sequence: 0,
             taken: HashMap::new(),
+            since: (0, 0),
             map: None,
-            last: None,
         }
-    }
-
-    /// The same camera with faults.
-    #[must_use]
-    pub fn with_faults(mut self, faults: CameraFaults) -> Self {
-        self.faults = faults;
-        self
     }
 
     /// Puts another sample on the holder. Its [`Sample::noise_key`] should differ from the former one's.
@@ -172,13 +167,17 @@ impl VirtualCamera {
         Duration::from_micros((s / EXPOSURE_STEP_S).round() as u64)
     }
 
-    /// Exposes one frame and counts it; whether it arrives is another matter.
+    /// Exposes one frame and counts it.
     fn expose(&mut self, exposure: Duration, cancel: &Cancel) -> Result<Frame, DeviceError> {
         let state = self.world.state();
         let stamp = seconds(self.opened.elapsed().as_secs_f64() * state.time_scale);
         let light = state.shutter_open && state.lamp > 0.0;
         let map = if light { Some(self.map_of(&state)) } else { None };
         let started = Instant::now();
+        if self.since != (state.homings, state.openings) {
+            self.since = (state.homings, state.openings);
+            self.taken.clear();
+        }
         let mut key = NoiseKey {
             sample: self.sample.noise_key,
             pose: state.pose_key(),
@@ -223,35 +222,7 @@ impl Camera for VirtualCamera {
             return Err(DeviceError::Cancelled);
         }
         let exposure = self.settable(exposure);
-        loop {
-            if self.faults.unplugged_after.is_some_and(|n| self.sequence >= n) {
-                return Err(DeviceError::Gone { device: self.info.name.clone() });
-            }
-            let mut frame = self.expose(exposure, cancel)?;
-            let mut dice = stream(&[self.seed, 0xfa17, frame.sequence], 0);
-            let [dropped, torn, frozen, late]: [f64; 4] = dice.random();
-            let cut: f64 = dice.random();
-            let sound = frame.pixels.clone();
-            if let Some(before) = &self.last {
-                if frozen < self.faults.frozen {
-                    frame.pixels.clone_from(before);
-                } else if torn < self.faults.torn {
-                    let row = (cut * f64::from(frame.height)) as usize;
-                    let from = row * frame.width as usize;
-                    for (new, old) in frame.pixels.iter_mut().zip(before).skip(from) {
-                        *new = *old;
-                    }
-                }
-            }
-            self.last = Some(sound);
-            if dropped < self.faults.dropped {
-                continue;
-            }
-            if late < self.faults.late {
-                wait(seconds(self.faults.late_by_ms * 1e-3), Instant::now(), cancel)?;
-            }
-            return Ok(frame);
-        }
+        self.expose(exposure, cancel)
     }
 }
 

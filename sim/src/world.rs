@@ -31,6 +31,10 @@ pub struct State {
     pub sample_height_mm: f64,
     /// Pulses given to the camera.
     pub triggers: u32,
+    /// How often the axes have found their zeros.
+    pub homings: u32,
+    /// How often the shutter was opened.
+    pub openings: u32,
     /// How much faster than real time motion, exposure, warm-up and drift run.
     pub time_scale: f64,
     /// Switches thrown from outside.
@@ -64,6 +68,8 @@ impl State {
             ambient_c: AMBIENT_C,
             sample_height_mm: 0.0,
             triggers: 0,
+            homings: 0,
+            openings: 0,
             time_scale,
             switches: Switches::default(),
         }

@@ -49,6 +49,7 @@ fn arguments(truth: &Path, output: &Path, seed: u64, reference: Vec<PathBuf>) ->
         coat: CoatArguments::default(),
         resume: false,
         force: true,
+        patience: 30.0,
         simulated: VirtualArguments {
             truth: Some(truth.to_owned()),
             misalignment: None,

@@ -1,9 +1,11 @@
-//! Finds what the stories share: golden tables and, through `GONIO_DATA`, real measurements.
+//! What the stories share: golden tables, real measurements through `GONIO_DATA`, and the reliability campaigns.
 //!
 //! Real measurements are not part of the project. A story asks for them with [`real_data`]; where `GONIO_DATA` is unset it says so and ends,
 //! where it is set and a file is missing the story fails. Every story writes one line to stderr past the capture of the test harness, so that
 //! `cargo test 2>&1 | grep -o 'real data ran:' | wc -l` and the same with `real data did not run:` count them (the harness may have written the
 //! beginning of the line).
+
+pub mod campaign;
 
 use std::ffi::OsString;
 use std::io::Write as _;

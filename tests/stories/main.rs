@@ -13,6 +13,7 @@ mod house;
 mod laws;
 mod main_job;
 mod real_data;
+mod reliability;
 mod renderers;
 mod scenes;
 mod shaders;

@@ -109,11 +109,69 @@ fn a_pulled_cable_ends_the_client_with_a_clear_error() {
     let (firmware, _) = firmware(20.0, Faults::default());
     let mut pty = serve_pty(firmware, None).expect("a pseudo-terminal");
     let path = pty.path.to_str().expect("text").to_owned();
-    let mut stage = SerialStage::open(&path, Options::default()).expect("a session");
+    let options = Options { patience: Duration::from_millis(100), ..Options::default() };
+    let mut stage = SerialStage::open(&path, options).expect("a session");
     stage.home(&Cancel::new()).expect("homed");
     pty.stop();
     assert_eq!(stage.sensors().map(drop), Err(DeviceError::Gone { device: path.clone() }));
     assert_eq!(stage.set_shutter(true), Err(DeviceError::Gone { device: path }));
+}
+
+#[test]
+fn a_plug_that_is_put_back_is_found_and_the_move_it_interrupted_ends_where_it_should() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let link = folder.path().join("ttyGONIO");
+    let (firmware, world) = firmware(5.0, Faults::default());
+    let pty = serve_pty(firmware, Some(&link)).expect("a pseudo-terminal");
+    let mut stage = SerialStage::open(link.to_str().expect("text"), Options::default()).expect("a session");
+    let cancel = Cancel::new();
+    stage.home(&cancel).expect("homed");
+    let there = Pose::from_degrees(85.0, 0.0);
+    let moved = std::thread::scope(|scope| {
+        scope.spawn(|| {
+            await_that("motion", || world.state().readback.tilt.degrees() > 1.0);
+            pty.pull();
+            assert!(!link.exists(), "the port is gone");
+            await_that("the lease to stop it", || !world.state().moving);
+            pty.plug();
+        });
+        stage.move_to(there, &cancel)
+    });
+    assert_eq!(moved, Ok(there));
+    assert_eq!((stage.statistics().sessions, stage.identity().boot_counter), (2, 1));
+}
+
+#[test]
+fn a_device_that_restarts_while_its_plug_is_pulled_is_not_believed_its_positions() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let link = folder.path().join("ttyGONIO");
+    let mut faults = Faults::default().at_move(What::HangUp, 1).at_move(What::Restart, 1);
+    faults.events[0].for_s = Some(5.0);
+    let (firmware, _world) = firmware(20.0, faults);
+    let _pty = serve_pty(firmware, Some(&link)).expect("a pseudo-terminal");
+    let mut stage = SerialStage::open(link.to_str().expect("text"), Options::default()).expect("a session");
+    let cancel = Cancel::new();
+    stage.home(&cancel).expect("homed");
+    let there = Pose::from_degrees(60.0, 0.0);
+    let void = stage.move_to(there, &cancel).expect_err("restarted");
+    assert!(matches!(&void, DeviceError::PositionsVoid { why } if why.contains("restarted")), "{void}");
+    stage.home(&cancel).expect("homed again");
+    assert_eq!(stage.move_to(there, &cancel), Ok(there));
+    assert_eq!(stage.identity().boot_counter, 2);
+}
+
+#[test]
+fn a_stop_does_not_wait_for_a_port_that_is_gone() {
+    let (firmware, _world) = firmware(5.0, Faults::default());
+    let pty = serve_pty(firmware, None).expect("a pseudo-terminal");
+    let path = pty.path.to_str().expect("text").to_owned();
+    let options = Options { patience: LONG, ..Options::default() };
+    let mut stage = SerialStage::open(&path, options).expect("a session");
+    stage.home(&Cancel::new()).expect("homed");
+    pty.pull();
+    let begun = Instant::now();
+    assert!(matches!(stage.stop(), Err(DeviceError::Gone { .. })));
+    assert!(begun.elapsed() < LONG / 2, "it waited for the port");
 }
 
 #[test]
@@ -133,6 +191,33 @@ fn dropping_the_client_stops_motion_and_closes_the_shutter() {
     drop(stage);
     assert!(is_safe(&world), "{:?}", world.state());
     assert!(world.state().readback.tilt.degrees() < 84.0);
+}
+
+#[test]
+fn a_panic_with_the_stage_in_hand_leaves_the_device_safe() {
+    let (transport, _served, world) = in_memory(5.0, Faults::default());
+    let mut stage = connect(transport);
+    stage.home(&Cancel::new()).expect("homed");
+    let panicked = std::thread::spawn(move || {
+        stage.set_shutter(true).expect("open");
+        std::panic::resume_unwind(Box::new("as any bug would"));
+    });
+    assert!(panicked.join().is_err());
+    assert!(is_safe(&world), "{:?}", world.state());
+}
+
+#[test]
+fn the_clock_of_the_device_is_told() {
+    let begun = Instant::now();
+    let (transport, _served, _world) = in_memory(1.0, Faults::default());
+    let stage = connect(transport);
+    await_that("a heartbeat", || stage.statistics().clock_offset_s.is_some());
+    let statistics = stage.statistics();
+    let (offset, error) =
+        (statistics.clock_offset_s.expect("just seen"), statistics.clock_error_s.expect("with it"));
+    // both clocks began since
+    assert!(offset.abs() < begun.elapsed().as_secs_f64() + error, "{offset} s ± {error} s");
+    assert!(error > 0.0 && error < begun.elapsed().as_secs_f64());
 }
 
 #[test]
@@ -161,7 +246,7 @@ fn on_a_bad_line_every_command_is_executed_exactly_once() {
             duplication: 0.15,
             reorder: 0.1,
             delay: Duration::from_millis(4),
-            hang_up_after: None,
+            ..LineFaults::default()
         };
         let stage = connect(FaultyTransport::new(transport, faults, seed));
         let trigger = Command::CameraTrigger { exposure_us: 1 };

@@ -15,6 +15,7 @@ pub mod engine;
 pub mod error;
 pub mod fill;
 pub mod footprint;
+mod frames;
 pub mod holder;
 pub mod journal;
 mod local_fit;

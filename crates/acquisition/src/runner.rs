@@ -7,7 +7,8 @@ use gonio_instrument::{
 };
 
 use crate::bracket::{FrameSummary, Judge};
-use crate::engine::{Action, Choice, Engine, Event, LostPose, Outcome, Progress, Setup, Step};
+use crate::engine::{Action, Choice, Engine, Event, LostPose, Note, Outcome, Progress, Setup, Step};
+use crate::frames::{Frames, Verdict};
 use crate::journal::Journal;
 use crate::pixel_map::PixelMap;
 use crate::reference::WHITE_LIMIT_DEG;
@@ -46,11 +47,23 @@ pub trait Observer {
         let _ = lost;
     }
 
+    /// Something happened; it stands in the journal already.
+    fn note(&mut self, note: &Note) {
+        let _ = note;
+    }
+
+    /// How the camera has been doing.
+    fn camera(&mut self, frames: &FrameCounts) {
+        let _ = frames;
+    }
+
     /// Whether the scan shall hold; asked between actions and, while it holds, every few milliseconds.
     fn hold(&mut self) -> bool {
         false
     }
 }
+
+pub use crate::frames::FrameCounts;
 
 /// An observer that looks away.
 impl Observer for () {}
@@ -81,7 +94,7 @@ pub fn run(
         frame: None,
         record: None,
         judge: None,
-        last_row: None,
+        frames: Frames::default(),
     };
     let mut lost = 0;
     loop {
@@ -93,10 +106,15 @@ pub fn run(
         }
         let hold = hands.observer.hold();
         engine.handle(if hold { Event::Pause } else { Event::Resume });
-        match engine.step() {
+        let step = engine.step();
+        for note in engine.take_notes() {
+            hands.note(&note);
+        }
+        match step {
             Step::Do(action) => {
                 let event = hands.act(&action);
                 let kept = action == Action::EndPose && event == Event::Done;
+                engine.handle(Event::Tick(start.elapsed()));
                 engine.handle(event);
                 if kept && !engine.ahead().is_empty() {
                     let choice = hands.observer.choose(engine.ahead());
@@ -113,6 +131,9 @@ pub fn run(
                 std::thread::sleep(HOLD_POLL);
             }
             Step::End(outcome) => {
+                for note in engine.take_notes() {
+                    hands.note(&note);
+                }
                 let text = format!("scan ended: {outcome:?}");
                 let serious = outcome != Outcome::Done;
                 // an event that cannot be written changes nothing any more
@@ -135,8 +156,8 @@ struct Hands<'a> {
     record: Option<PoseRecord>,
     /// Bracketing's memory of the pose, made with its first lit frame.
     judge: Option<Judge>,
-    /// Last row of the frame before, by which a torn or frozen one is known.
-    last_row: Option<Vec<u16>>,
+    /// What the camera gave so far.
+    frames: Frames,
 }
 
 fn device<T>(result: Result<T, DeviceError>, event: impl FnOnce(T) -> Event) -> Event {
@@ -148,6 +169,12 @@ fn done(result: Result<(), DeviceError>) -> Event {
 }
 
 impl Hands<'_> {
+    /// Into the journal and to the observer. A note that cannot be written ends nothing: the next frame or pose tells.
+    fn note(&mut self, note: &Note) {
+        let _ = self.journal.event(note.serious, &note.text);
+        self.observer.note(note);
+    }
+
     fn act(&mut self, action: &Action) -> Event {
         match action {
             Action::CheckJournal => self.journal(|j| j.check()),
@@ -179,6 +206,7 @@ impl Hands<'_> {
                 self.record = None;
                 self.journal(|j| j.give_up_pose())
             }
+            Action::Rearm => done(self.stage.rearm()),
             Action::StopMotion => done(self.stage.stop()),
             Action::EmergencyStop => done(self.stage.emergency_stop()),
         }
@@ -207,7 +235,10 @@ impl Hands<'_> {
     fn capture(&mut self, exposure: Duration, light: bool) -> Event {
         let frame = match self.camera.capture(exposure, self.cancel) {
             Ok(f) => f,
-            Err(e) => return Event::Failed(e),
+            Err(e) => {
+                self.frames.failed(&e);
+                return Event::Failed(e);
+            }
         };
         let expected = (self.map.width() as u32, self.map.height() as u32);
         if (frame.width, frame.height) != expected
@@ -221,17 +252,22 @@ impl Hands<'_> {
                 ),
             });
         }
-        if let Some(before) = &self.last_row
-            && self.map.description().camera.read_noise_e > 0.0
-            && stale(before, &frame)
-        {
-            return Event::Failed(DeviceError::BadFrame {
-                sequence: frame.sequence,
-                reason: "its last row is that of the frame before, noise and all: the transfer was torn or stood still"
-                    .to_owned(),
-            });
+        let verdict = self.frames.judge(&frame, self.map.description().camera.read_noise_e > 0.0);
+        let before = self.frames.counts();
+        self.observer.camera(&before);
+        match verdict {
+            Verdict::Sound { missing: 0 } => {}
+            Verdict::Sound { missing } => {
+                let text = format!(
+                    "{missing} frames before frame {} were lost; it takes their place",
+                    frame.sequence
+                );
+                self.note(&Note { serious: true, text });
+            }
+            Verdict::Unusable(reason) => {
+                return Event::Failed(DeviceError::BadFrame { sequence: frame.sequence, reason });
+            }
         }
-        self.last_row = frame.pixels.chunks_exact(self.map.width()).next_back().map(<[u16]>::to_vec);
         let summary = if light {
             let (map, record) = (self.map, &self.record);
             let readback = record.as_ref().map_or_else(Pose::default, |r| r.readback);
@@ -258,13 +294,6 @@ impl Hands<'_> {
         }
         Event::Done
     }
-}
-
-/// Whether a frame ends with the very counts of the frame before; a row without any structure tells nothing.
-fn stale(before: &[u16], frame: &Frame) -> bool {
-    let Some(row) = frame.pixels.chunks_exact(before.len().max(1)).next_back() else { return false };
-    let level = row.first().copied().unwrap_or(0);
-    row == before && row.iter().filter(|v| **v != level).count() > row.len() / 8
 }
 
 /// Pixels that bracketing cares for: those that see the sample below grazing.

@@ -61,7 +61,9 @@ fn device_errors() -> impl Strategy<Value = DeviceError> {
         Just(DeviceError::Gone { device: "d".into() }),
         Just(DeviceError::NotRecorded { what: "pose".into() }),
         Just(DeviceError::Cancelled),
-        Just(DeviceError::Fault { fault: "interlock".into(), advice: "close the lid".into() }),
+        Just(DeviceError::Fault { fault: "stall".into(), advice: "free the axis".into() }),
+        Just(DeviceError::Suspended { fault: "interlock".into(), advice: "close the lid".into() }),
+        Just(DeviceError::PositionsVoid { why: "has restarted".into() }),
     ]
 }
 
@@ -94,6 +96,8 @@ impl Model {
             }
             Action::Shutter(true) => self.shutter_open = true,
             Action::Shutter(false) if fails.is_none() => self.shutter_open = false,
+            // a device with a fault that passes has stopped
+            Action::Rearm if fails.is_none() => self.moving = false,
             Action::StopMotion if fails.is_none() => self.moving = false,
             Action::EmergencyStop => {
                 self.forced = true;
@@ -241,6 +245,119 @@ fn frames_that_come_damaged_are_taken_again_and_their_pose_is_given_up_at_last()
     let (outcome, model) = play(Engine::new(setup(ScanKind::Sample)), &troubles);
     let Outcome::Partial { lost } = outcome else { panic!("{outcome:?} {:?}", model.log) };
     assert!(lost.len() == 1 && lost[0].index == 0 && lost[0].reason.contains("torn"), "{lost:?}");
+}
+
+/// An engine at a place of the scan, told by what it asks for.
+fn until(engine: &mut Engine, model: &mut Model, wanted: impl Fn(&Action) -> bool) {
+    for k in 0..2000 {
+        engine.handle(Event::Tick(Duration::from_millis(10 * k)));
+        let Step::Do(action) = engine.step() else { panic!("no action") };
+        if wanted(&action) {
+            return;
+        }
+        let event = model.act(&action, None);
+        engine.handle(event);
+    }
+    panic!("never asked for: {:?}", model.log);
+}
+
+#[test]
+fn an_open_lid_is_waited_for_and_the_frame_it_spoilt_is_taken_again() {
+    let mut engine = Engine::new(setup(ScanKind::Sample));
+    let mut model = Model::default();
+    until(&mut engine, &mut model, |a| matches!(a, Action::Capture { light: true, .. }));
+    let lid = || DeviceError::Suspended { fault: "an open interlock".into(), advice: "close the lid".into() };
+    engine.handle(Event::Failed(lid()));
+    assert_eq!(engine.step(), Step::Do(Action::Shutter(false)));
+    engine.handle(Event::Done);
+    assert!(engine.suspended().is_some_and(|s| s.contains("close the lid")));
+    let mut waited = 0;
+    for k in 0..100u64 {
+        engine.handle(Event::Tick(Duration::from_secs(100) + Duration::from_millis(100 * k)));
+        match engine.step() {
+            Step::Wait => waited += 1,
+            Step::Do(Action::Rearm) => engine.handle(Event::Failed(lid())),
+            other => panic!("{other:?}"),
+        }
+    }
+    assert!(waited > 80, "looked at once a second: {waited} waits");
+    engine.handle(Event::Tick(Duration::from_secs(200)));
+    assert_eq!(engine.step(), Step::Do(Action::Rearm));
+    engine.handle(Event::Done);
+    assert_eq!(engine.step(), Step::Do(Action::Lamp(1.0)), "the lid has put the lamp out");
+    engine.handle(Event::Done);
+    assert_eq!(engine.step(), Step::Do(Action::Shutter(true)));
+    engine.handle(Event::Done);
+    assert!(matches!(engine.step(), Step::Do(Action::Capture { light: true, .. })));
+    assert!(engine.take_notes().iter().any(|n| n.text.contains("goes on after")));
+}
+
+#[test]
+fn what_does_not_pass_ends_the_scan_at_the_end_of_patience() {
+    let mut engine = Engine::new(setup(ScanKind::Sample));
+    let mut model = Model::default();
+    until(&mut engine, &mut model, |a| matches!(a, Action::Capture { light: true, .. }));
+    engine.handle(Event::Frame(summary(Duration::from_millis(1))));
+    assert_eq!(engine.step(), Step::Do(Action::ReadSensors));
+    engine.handle(Event::Sensors(Sensors { temperature_c: 95.0, ..warm() }));
+    let mut seconds = 0;
+    let outcome = loop {
+        seconds += 1;
+        engine.handle(Event::Tick(Duration::from_secs(seconds)));
+        match engine.step() {
+            Step::Do(Action::ReadSensors) => {
+                engine.handle(Event::Sensors(Sensors { temperature_c: 95.0, ..warm() }));
+            }
+            Step::Do(_) => engine.handle(Event::Done),
+            Step::Wait => {}
+            Step::End(outcome) => break outcome,
+        }
+        assert!(seconds < 2000, "no end");
+    };
+    assert!((600..700).contains(&seconds), "{seconds} s");
+    assert!(
+        matches!(&outcome, Outcome::Failed { error: ScanError::Device(e), .. } if e.to_string().contains("95.0 °C"))
+    );
+}
+
+#[test]
+fn a_restarted_device_is_homed_and_the_pose_under_way_begun_anew() {
+    let mut engine = Engine::new(setup(ScanKind::Sample));
+    let mut model = Model::default();
+    until(&mut engine, &mut model, |a| matches!(a, Action::MoveTo { index: 2, .. }));
+    engine.handle(Event::Moved(Pose::default()));
+    until(&mut engine, &mut model, |a| matches!(a, Action::Capture { light: true, .. }));
+    engine.handle(Event::Failed(DeviceError::PositionsVoid { why: "has restarted".into() }));
+    let mut asked = Vec::new();
+    until(&mut engine, &mut model, |a| matches!(a, Action::Home));
+    engine.handle(Event::Done);
+    loop {
+        let Step::Do(action) = engine.step() else { panic!("no action") };
+        asked.push(action.clone());
+        if matches!(action, Action::Capture { .. }) {
+            break;
+        }
+        let event = model.act(&action, None);
+        engine.handle(event);
+    }
+    assert!(
+        matches!(asked[0], Action::Lamp(_)) && matches!(asked[1], Action::MoveTo { index: 2, .. }),
+        "{asked:?}"
+    );
+    let (outcome, _) = (
+        loop {
+            match engine.step() {
+                Step::Do(a) => {
+                    let event = model.act(&a, None);
+                    engine.handle(event);
+                }
+                Step::Wait => panic!("nobody asked for a pause"),
+                Step::End(o) => break o,
+            }
+        },
+        (),
+    );
+    assert_eq!(outcome, Outcome::Done);
 }
 
 #[test]

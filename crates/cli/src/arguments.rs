@@ -145,6 +145,14 @@ pub enum Command {
     Doctor,
 }
 
+impl ScanArguments {
+    /// How long to look for a stage whose port hung up; nonsense counts as not at all.
+    #[must_use]
+    pub fn patience(&self) -> std::time::Duration {
+        std::time::Duration::try_from_secs_f64(self.patience).unwrap_or_default()
+    }
+}
+
 /// `gonio demo`.
 #[derive(Debug, Args)]
 pub struct DemoArguments {
@@ -207,7 +215,7 @@ pub struct VirtualArguments {
     /// Errors of the virtual instrument, TOML, or `builtin`
     #[arg(long)]
     pub misalignment: Option<PathBuf>,
-    /// Faults of the virtual instrument during the scan, TOML
+    /// Faults of the virtual instrument, its line, its camera and the session file, TOML (docs/reliability.md)
     #[arg(long)]
     pub faults: Option<PathBuf>,
     /// Seed of its noise
@@ -302,6 +310,9 @@ pub struct ScanArguments {
     /// Go on with an interrupted session
     #[arg(long)]
     pub resume: bool,
+    /// How long to look for a stage whose port hung up, seconds
+    #[arg(long, default_value_t = 30.0, value_name = "SECONDS")]
+    pub patience: f64,
     /// Overwrite the output
     #[arg(long)]
     pub force: bool,

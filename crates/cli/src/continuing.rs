@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use gonio_acquisition::engine::Outcome;
+use gonio_acquisition::runner::FrameCounts;
 use gonio_instrument::{LinkStatistics, SampleRecord};
 use gonio_recording::Session;
 use gonio_sim::Truth;
@@ -122,13 +123,17 @@ pub fn nothing_left(job: &Job<'_>) -> Result<Option<Recorded>, Failure> {
     }
     let devices = session.devices().map_err(Failure::usage)?;
     let poses = progress.planned.unwrap_or_default();
-    eprintln!("note: every pose of {} is done already, nothing is measured again", job.output.display());
+    crate::outcome::told(&format!(
+        "note: every pose of {} is done already, nothing is measured again",
+        job.output.display()
+    ));
     Ok(Some(Recorded {
         outcome: Outcome::Done,
         poses_done: poses,
         poses_total: poses,
         frames: 0,
         link: LinkStatistics::default(),
+        camera_frames: FrameCounts::default(),
         stage: devices.stage,
         camera: devices.camera,
     }))

@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use gonio_instrument::Cancel;
+use gonio_instrument::{Cancel, LinkStatistics};
 use serde::{Deserialize, Serialize};
 
 /// What a scan tells of itself.
@@ -35,6 +35,12 @@ pub struct ScanState {
     pub paused: bool,
     /// Last fit, in words.
     pub fit: String,
+    /// What the scan waits for; empty while it goes on.
+    #[serde(default)]
+    pub waiting_for: String,
+    /// How the link to the stage is doing.
+    #[serde(default)]
+    pub link: LinkStatistics,
 }
 
 /// What is asked of a running scan.

@@ -53,17 +53,23 @@ impl From<gonio_instrument::DeviceError> for Failure {
     }
 }
 
+/// A line on stderr; where the terminal is closed nobody reads it, and nothing fails for that.
+pub(crate) fn told(line: &str) {
+    use std::io::Write as _;
+    let _ = writeln!(std::io::stderr(), "{line}");
+}
+
 /// Exit code of an outcome; prints the one error line, or what was lost, on stderr.
 #[must_use]
 pub fn exit_code(result: &Result<Outcome, Failure>) -> ExitCode {
     match result {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
         Ok(Outcome::WithLoss(what)) => {
-            eprintln!("warning: done with loss: {what}");
+            told(&format!("warning: done with loss: {what}"));
             ExitCode::from(3)
         }
         Err(e) => {
-            eprintln!("error: {e}");
+            told(&format!("error: {e}"));
             ExitCode::from(e.code())
         }
     }

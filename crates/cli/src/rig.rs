@@ -5,13 +5,13 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-use gonio_driver::camera::SocketCamera;
-use gonio_driver::stage::{Direction, Options, SerialStage};
+use gonio_driver::camera::{CameraFaults, FaultyCamera, SocketCamera};
+use gonio_driver::stage::{Direction, LinkWatch, Options, Reopen, SerialStage, StageEvent, describe_fault};
 use gonio_driver::transport::{FaultyTransport, LineFaults, SerialTransport, Transport, serial};
 use gonio_instrument::{
     Camera, Certificate, Description, DeviceError, Misalignment, Plan, ScanKind, Stage, builtin,
 };
-use gonio_sim::firmware::serve::pty::{Pty, serve_pty};
+use gonio_sim::firmware::serve::pty::{PortName, Pty, serve_pty};
 use gonio_sim::firmware::{Faults, Firmware, LinkFaults, Settings};
 use gonio_sim::optics::Sample;
 use gonio_sim::world::World;
@@ -21,8 +21,20 @@ use crate::arguments::VirtualArguments;
 use crate::outcome::Failure;
 use crate::output::read_text;
 
+/// Events of the stage that wait for the journal.
+const NOTES_DEPTH: usize = 1024;
 /// Bytes on the wire that wait for the journal; a scan that falls behind loses log lines, never time.
 const WIRE_DEPTH: usize = 65_536;
+
+/// Something that happened to the stage's session.
+pub struct StageNote {
+    /// When, since the Unix epoch.
+    pub time: Duration,
+    /// Something went wrong.
+    pub serious: bool,
+    /// What happened.
+    pub text: String,
+}
 
 /// Bytes that went over the wire.
 pub struct WireRecord {
@@ -42,6 +54,10 @@ pub struct Rig {
     pub camera: Box<dyn Camera>,
     /// Every byte on the wire.
     pub wire: Receiver<WireRecord>,
+    /// What happens to the stage's session.
+    pub notes: Receiver<StageNote>,
+    /// How the link is doing, for those who watch.
+    pub watch: LinkWatch,
     // dropped after the stage, which still says goodbye through it
     _virtual: Option<Pty>,
 }
@@ -99,6 +115,18 @@ impl Simulated {
         Ok(Self { truth, truth_text, errors, faults, seed: a.seed, time_scale: a.time_scale })
     }
 
+    /// What shall go wrong with the session file.
+    #[must_use]
+    pub fn file_faults(&self) -> Option<gonio_recording::FileFaults> {
+        self.faults.file.map(|f| gonio_recording::FileFaults {
+            full_after: f.full_after,
+            fail_after: f.fail_after,
+            fail: f.fail,
+            slow: Duration::from_millis(u64::from(f.slow_ms)),
+            seed: self.seed,
+        })
+    }
+
     fn firmware(&self, instrument: &Description, plan: &Plan, world: &World) -> Firmware {
         let settings = Settings::new(instrument, self.seed, self.time_scale)
             .with_plan(plan)
@@ -114,8 +142,7 @@ impl Simulated {
     ) -> Result<VirtualCamera, Failure> {
         let sample =
             Sample::of_kind(kind, &self.truth, &Certificate::virtual_white()).map_err(Failure::usage)?;
-        let camera = VirtualCamera::new(world.clone(), instrument, &self.errors, sample, self.seed);
-        Ok(camera.with_faults(self.faults.camera.clone().unwrap_or_default()))
+        Ok(VirtualCamera::new(world.clone(), instrument, &self.errors, sample, self.seed))
     }
 
     /// The virtual instrument as a pseudo-terminal (at `link`, if given) and a camera.
@@ -148,9 +175,10 @@ impl Rig {
         plan: &Plan,
         kind: ScanKind,
         simulated: Option<&Simulated>,
+        patience: Duration,
     ) -> Result<Self, Failure> {
         let (sender, wire) = sync_channel(WIRE_DEPTH);
-        let options = Options { tap: Some(tap(sender)), ..Options::default() };
+        let (told, notes) = sync_channel(NOTES_DEPTH);
         let (path, pty, virtual_camera) = match (device, simulated) {
             ("sim", Some(s)) => {
                 let (pty, camera) = s.start(instrument, plan, kind, None)?;
@@ -178,12 +206,24 @@ impl Rig {
             }
         };
         let line = simulated.and_then(|s| s.faults.link.map(|l| (l, s.seed)));
+        let options = Options {
+            tap: Some(tap(sender)),
+            events: Some(teller(told)),
+            reopen: Some(reopen(pty.as_ref().map(Pty::name), path.clone(), line)),
+            patience,
+            ..Options::default()
+        };
         let stage = Box::new(SerialStage::connect(transport(&path, line)?, options)?);
         let camera: Box<dyn Camera> = match (socket, virtual_camera) {
             (None, Some(c)) => Box::new(c),
             (socket, _) => Box::new(socket_camera(socket.unwrap_or(Path::new("")))?),
         };
-        Ok(Self { stage, camera, wire, _virtual: pty })
+        let camera = match simulated.and_then(|s| s.faults.camera.map(|c| (c, s.seed))) {
+            Some((faults, seed)) => Box::new(FaultyCamera::new(camera, camera_faults(&faults), seed)),
+            None => camera,
+        };
+        let watch = stage.client().watch();
+        Ok(Self { stage, camera, wire, notes, watch, _virtual: pty })
     }
 }
 
@@ -198,8 +238,91 @@ fn transport(path: &str, line: Option<(LinkFaults, u64)>) -> Result<Box<dyn Tran
         reorder: l.reorder,
         delay: Duration::from_millis(u64::from(l.delay_ms)),
         hang_up_after: l.hang_up_after,
+        stall: l.stall_after.map(|n| (n, Duration::from_millis(u64::from(l.stall_ms)))),
+        half_open: l.half_open_after.map(|n| (n, Duration::from_millis(u64::from(l.half_open_ms)))),
     };
     Ok(Box::new(FaultyTransport::new(port, faults, seed)))
+}
+
+/// Finds the port again after it hung up: under its name, or where the virtual instrument has it now. A line that hangs up by the faults file
+/// comes back when that says so, or never; its other troubles are over then.
+fn reopen(name: Option<PortName>, path: String, line: Option<(LinkFaults, u64)>) -> Reopen {
+    let hung_up = std::sync::Mutex::new(None::<Instant>);
+    Arc::new(move || {
+        let mut hung_up = hung_up.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        let since = *hung_up.get_or_insert_with(Instant::now);
+        let away = match line {
+            Some((LinkFaults { hang_up_after: Some(_), hang_up_ms: None, .. }, _)) => true,
+            Some((LinkFaults { hang_up_ms: Some(ms), .. }, _)) => {
+                since.elapsed() < Duration::from_millis(u64::from(ms))
+            }
+            _ => false,
+        };
+        let now = match &name {
+            Some(name) => name.path().map(|p| p.to_string_lossy().into_owned()),
+            None => Some(path.clone()),
+        };
+        let Some(now) = now.filter(|_| !away) else {
+            return Err(DeviceError::Absent { device: path.clone() });
+        };
+        let line =
+            line.map(|(l, seed)| (LinkFaults { stall_after: None, half_open_after: None, ..l }, seed + 1));
+        let opened = transport(&now, line)?;
+        *hung_up = None;
+        Ok(opened)
+    })
+}
+
+fn camera_faults(c: &gonio_sim::CameraFaults) -> CameraFaults {
+    CameraFaults {
+        dropped: c.dropped,
+        torn: c.torn,
+        frozen: c.frozen,
+        duplicated: c.duplicated,
+        late: c.late,
+        late_by: Duration::try_from_secs_f64(c.late_by_ms * 1e-3).unwrap_or_default(),
+        unplugged_after: c.unplugged_after,
+    }
+}
+
+/// What happens to the session, in words, to the journal's end of a channel; never waits.
+fn teller(sender: SyncSender<StageNote>) -> gonio_driver::stage::EventSink {
+    Arc::new(move |event: &StageEvent| {
+        let (serious, text) = match event {
+            StageEvent::Connected(identity) => (
+                false,
+                format!("session with {} begun, start number {}", identity.serial, identity.boot_counter),
+            ),
+            StageEvent::Fault { fault, uptime } => (
+                true,
+                format!(
+                    "the stage reports {} at {:.3} s of its time",
+                    describe_fault(*fault),
+                    uptime.as_secs_f64()
+                ),
+            ),
+            StageEvent::Restarted { boot } => {
+                (true, format!("the stage has restarted (start number {boot})"))
+            }
+            StageEvent::EmergencyStopped { .. } => {
+                (true, "the stage has obeyed an emergency stop".to_owned())
+            }
+            StageEvent::Silent { waited } => (true, format!("the stage has been silent for {waited:.1?}")),
+            StageEvent::HungUp(error) => (true, format!("the line hung up: {error}")),
+            StageEvent::Returned { away, position } => (
+                false,
+                format!(
+                    "the line is back after {away:.3?}, the stage stands at tilt {:.3}°, spin {:.3}°",
+                    f64::from(position.tilt_udeg) / 1e6,
+                    f64::from(position.spin_udeg) / 1e6
+                ),
+            ),
+            StageEvent::Shifted { why } => (true, format!("positions are void: the stage {why}")),
+            StageEvent::Gone(error) => (true, format!("the stage is given up: {error}")),
+        };
+        let time = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        let _ = sender.try_send(StageNote { time, serious, text });
+    })
 }
 
 /// The camera of another program.

@@ -4,15 +4,18 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Duration;
 
-use gonio_acquisition::PixelMap;
-use gonio_acquisition::engine::{Choice, LostPose, Outcome, Progress, Setup};
+use gonio_acquisition::engine::{Choice, LostPose, Note, Outcome, Progress, Setup};
 use gonio_acquisition::journal::Journal;
-use gonio_acquisition::runner::{self, Observer};
+use gonio_acquisition::runner::{self, FrameCounts, Observer};
+use gonio_acquisition::{Phase, PixelMap};
+use gonio_driver::stage::LinkWatch;
 use gonio_instrument::{
     CameraInfo, Cancel, Certificate, Description, Exposure, LinkStatistics, Plan, Pose, PoseRecord,
     SampleRecord, Sensors, StageIdentity, Stopping,
 };
-use gonio_recording::{Attachment, Clock, Devices, Header, RecordingError, Session, Writer, WriterOptions};
+use gonio_recording::{
+    Attachment, Devices, FileFaults, Header, Level, RecordingError, Session, Writer, WriterOptions,
+};
 
 use crate::control::Control;
 use crate::outcome::Failure;
@@ -39,6 +42,8 @@ pub struct Job<'a> {
     pub resume: bool,
     /// Overwrite it.
     pub force: bool,
+    /// What shall go wrong with the file.
+    pub file_faults: Option<FileFaults>,
 }
 
 /// How a scan went.
@@ -53,6 +58,8 @@ pub struct Recorded {
     pub frames: u32,
     /// How the link has been doing.
     pub link: LinkStatistics,
+    /// How the camera has been doing.
+    pub camera_frames: FrameCounts,
     /// The stage.
     pub stage: StageIdentity,
     /// The camera.
@@ -96,26 +103,31 @@ pub fn record_choosing(
 
     let mut setup = Setup::new(job.instrument.clone(), job.plan.clone(), camera.clone(), job.sample.kind);
     gonio_recording::check_space(job.output, job.plan, &job.instrument.camera).map_err(journal_failure)?;
+    let options = WriterOptions { overwrite: job.force, faults: job.file_faults, ..WriterOptions::default() };
     let writer = if job.resume {
         let (writer, done) =
-            gonio_recording::resume(job.output, &header, Clock::System).map_err(journal_failure)?;
+            gonio_recording::resume_with(job.output, &header, options).map_err(journal_failure)?;
         for pose in Session::open(job.output).map_err(journal_failure)?.poses().flatten() {
+            setup.learn(&pose);
             on_pose(pose);
         }
         setup = setup.resuming(done.done);
         writer
     } else {
-        let options = WriterOptions { overwrite: job.force, ..WriterOptions::default() };
         Writer::create(job.output, &header, options).map_err(journal_failure)?
     };
-    let mut journal = WiredJournal { writer, rig_wire: &rig.wire };
+    let room =
+        Room { path: job.output, pose: gonio_recording::space_per_pose(job.plan, &job.instrument.camera) };
+    let mut journal = WiredJournal { writer, rig_wire: &rig.wire, notes: &rig.notes, room };
     let total = setup.poses.len() as u32;
     let mut watcher = Watcher {
         bar: progress::bar(job.sample.kind.name(), u64::from(total)),
         control,
         on_pose,
         choose,
+        link: rig.watch.clone(),
         last: None,
+        frames: FrameCounts::default(),
     };
     let mut outcome =
         runner::run(setup, map, &mut *rig.stage, &mut *rig.camera, &mut journal, cancel, &mut watcher);
@@ -124,7 +136,7 @@ pub fn record_choosing(
         // the device may be the first to say that it was stopped
         *emergency |= cancel.state() == Stopping::Emergency;
     }
-    let last = watcher.last;
+    let (last, camera_frames) = (watcher.last, watcher.frames);
     let _ = journal.drain();
     let finished = journal.writer.finish();
     if matches!(outcome, Outcome::Refused(_)) && !job.resume {
@@ -136,6 +148,7 @@ pub fn record_choosing(
         poses_total: total,
         frames: last.map_or(0, |p| p.exposures_done),
         link: rig.stage.statistics(),
+        camera_frames,
         stage,
         camera,
         outcome,
@@ -205,12 +218,36 @@ fn journal_failure(e: RecordingError) -> Failure {
 struct WiredJournal<'a> {
     writer: Writer,
     rig_wire: &'a std::sync::mpsc::Receiver<crate::rig::WireRecord>,
+    notes: &'a std::sync::mpsc::Receiver<crate::rig::StageNote>,
+    room: Room<'a>,
+}
+
+/// Room on the disk, watched from pose to pose: others fill it too.
+struct Room<'a> {
+    path: &'a Path,
+    /// Most that a pose can take.
+    pose: u64,
+}
+
+impl Room<'_> {
+    fn check(&self) -> Result<(), RecordingError> {
+        // a system that does not tell is no reason to stop
+        let Ok(free) = gonio_recording::free_space(self.path) else { return Ok(()) };
+        if free < self.pose {
+            let path = self.path.to_owned();
+            return Err(RecordingError::NotEnoughSpace { path, needed: self.pose, free });
+        }
+        Ok(())
+    }
 }
 
 impl WiredJournal<'_> {
     fn drain(&mut self) -> Result<(), RecordingError> {
         while let Ok(w) = self.rig_wire.try_recv() {
             self.writer.wire(w.direction, w.time, &w.bytes)?;
+        }
+        while let Ok(n) = self.notes.try_recv() {
+            self.writer.event(n.time, if n.serious { Level::Warning } else { Level::Info }, &n.text)?;
         }
         Ok(())
     }
@@ -222,6 +259,7 @@ impl Journal for WiredJournal<'_> {
     }
 
     fn begin_pose(&mut self, index: u32, commanded: Pose, readback: Pose) -> Result<(), RecordingError> {
+        self.room.check()?;
         self.drain()?;
         Journal::begin_pose(&mut self.writer, index, commanded, readback)
     }
@@ -254,7 +292,9 @@ struct Watcher<'a> {
     control: Option<&'a Control>,
     on_pose: &'a mut dyn FnMut(PoseRecord),
     choose: &'a mut dyn FnMut(&[u32]) -> Choice,
+    link: LinkWatch,
     last: Option<Progress>,
+    frames: FrameCounts,
 }
 
 impl Observer for Watcher<'_> {
@@ -270,6 +310,10 @@ impl Observer for Watcher<'_> {
                 s.poses_done = p.poses_done;
                 s.poses_total = p.poses_total;
                 s.remaining_s = p.remaining.map_or(0.0, |r| r.as_secs_f64());
+                s.link = self.link.statistics();
+                if p.phase != Phase::Suspended {
+                    s.waiting_for.clear();
+                }
             });
         }
         self.last = Some(*p);
@@ -282,6 +326,22 @@ impl Observer for Watcher<'_> {
 
     fn choose(&mut self, ahead: &[u32]) -> Choice {
         (self.choose)(ahead)
+    }
+
+    fn note(&mut self, note: &Note) {
+        if note.serious {
+            self.bar.suspend(|| tracing::warn!("{}", note.text));
+        } else {
+            tracing::info!("{}", note.text);
+        }
+        if let (Some(c), Some(why)) = (self.control, note.text.strip_prefix("suspended: ")) {
+            c.update(|s| why.clone_into(&mut s.waiting_for));
+            self.bar.println(format!("waiting: {why}"));
+        }
+    }
+
+    fn camera(&mut self, frames: &FrameCounts) {
+        self.frames = *frames;
     }
 
     fn pose_lost(&mut self, lost: &LostPose) {

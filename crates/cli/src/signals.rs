@@ -25,7 +25,9 @@ pub fn cancel_on_signals() -> Result<Cancel, Failure> {
                     raised.stop();
                 }
                 if signal == SIGINT {
-                    eprintln!("stopping in a controlled way; what was measured is kept (three times: emergency stop)");
+                    crate::outcome::told(
+                        "stopping in a controlled way; what was measured is kept (three times: emergency stop)",
+                    );
                 }
             }
         })

@@ -8,6 +8,7 @@
 //! bytes on the wire are kept (`gonio-recording`; see [`stage::Tap`]). It knows nothing of BRDFs or of the simulator.
 
 pub mod camera;
+mod dice;
 pub mod ports;
 pub mod stage;
 pub mod transport;

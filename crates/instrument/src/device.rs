@@ -78,6 +78,16 @@ pub trait Camera: Send {
     fn capture(&mut self, exposure: Duration, cancel: &Cancel) -> Result<Frame, DeviceError>;
 }
 
+impl Camera for Box<dyn Camera> {
+    fn info(&self) -> CameraInfo {
+        (**self).info()
+    }
+
+    fn capture(&mut self, exposure: Duration, cancel: &Cancel) -> Result<Frame, DeviceError> {
+        (**self).capture(exposure, cancel)
+    }
+}
+
 /// Identity of a stage.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct StageIdentity {
@@ -136,6 +146,15 @@ pub struct LinkStatistics {
     pub round_trip: Duration,
     /// Age of the last sign of life.
     pub silent_for: Duration,
+    /// Sessions begun, one more after each silence, hang-up or restart.
+    #[serde(default)]
+    pub sessions: u32,
+    /// The device's clock less the host's since the connection was opened, s; `None` before the first answered heartbeat.
+    #[serde(default)]
+    pub clock_offset_s: Option<f64>,
+    /// How far that may be off, s: half the round trip it was taken over, and the clock's step.
+    #[serde(default)]
+    pub clock_error_s: Option<f64>,
 }
 
 /// What can go wrong with a device; the text says what to do next.
@@ -187,9 +206,23 @@ pub enum DeviceError {
         /// Expected.
         expected: String,
     },
+    /// Nobody knows any more where its axes stand.
+    #[error("positions are void: the device {why}; home it and go on")]
+    PositionsVoid {
+        /// What it did, or what was found.
+        why: String,
+    },
     /// The device has latched a fault.
     #[error("the device reports {fault}; {advice}")]
     Fault {
+        /// What it says.
+        fault: String,
+        /// What to do.
+        advice: String,
+    },
+    /// The device has latched a fault whose cause passes: it is waited for.
+    #[error("the device reports {fault}; {advice}")]
+    Suspended {
         /// What it says.
         fault: String,
         /// What to do.

@@ -1,7 +1,8 @@
-//! Where a segment is written to: a file, or in tests something that runs out of room.
+//! Where a segment is written to: a file, or one that runs out of room, fails, or is slow.
 
 use std::fs::File;
-use std::io::{Seek as _, SeekFrom, Write as _};
+use std::io::{Error, ErrorKind, Seek as _, SeekFrom, Write as _};
+use std::time::Duration;
 
 /// An output that grows at its end, can be made durable, and can be cut back.
 pub(crate) trait Medium: Send {
@@ -28,12 +29,83 @@ impl Medium for File {
     }
 }
 
+/// How bad the disk is.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FileFaults {
+    /// It is full after so many bytes.
+    pub full_after: Option<u64>,
+    /// It fails after so many bytes.
+    pub fail_after: Option<u64>,
+    /// Chance of each write to fail, 0 to 1.
+    pub fail: f64,
+    /// Each write takes so much longer.
+    pub slow: Duration,
+    /// What chances are drawn from.
+    pub seed: u64,
+}
+
+/// A file on a bad disk: what does not go through leaves half a write behind, as a real one does.
+pub(crate) struct FaultyFile {
+    file: File,
+    faults: FileFaults,
+    length: u64,
+    state: u64,
+}
+
+impl FaultyFile {
+    pub(crate) fn new(file: File, faults: FileFaults) -> Self {
+        Self { file, faults, length: 0, state: faults.seed }
+    }
+
+    /// SplitMix64, in [0, 1).
+    fn fraction(&mut self) -> f64 {
+        self.state = self.state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.state;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+    }
+}
+
+impl Medium for FaultyFile {
+    fn append(&mut self, bytes: &[u8]) -> std::io::Result<()> {
+        std::thread::sleep(self.faults.slow);
+        let end = self.length + bytes.len() as u64;
+        let past = |limit: Option<u64>| limit.filter(|&n| end > n);
+        let broken = match (past(self.faults.full_after), past(self.faults.fail_after)) {
+            (Some(limit), _) => Some((limit, Error::from(ErrorKind::StorageFull))),
+            (None, Some(limit)) => Some((limit, Error::other("the disk does not answer (injected)"))),
+            (None, None) if self.fraction() < self.faults.fail => Some((
+                self.length + bytes.len() as u64 / 2,
+                Error::other("the disk does not answer (injected)"),
+            )),
+            (None, None) => None,
+        };
+        let Some((limit, error)) = broken else {
+            self.file.append(bytes)?;
+            self.length = end;
+            return Ok(());
+        };
+        let fits = usize::try_from(limit.saturating_sub(self.length)).unwrap_or(0).min(bytes.len());
+        self.file.append(bytes.get(..fits).unwrap_or(bytes))?;
+        self.length += fits as u64;
+        Err(error)
+    }
+
+    fn sync(&mut self) -> std::io::Result<()> {
+        self.file.sync()
+    }
+
+    fn cut(&mut self, length: u64) -> std::io::Result<()> {
+        self.length = length;
+        self.file.cut(length)
+    }
+}
+
 #[cfg(test)]
 mod tests {
-    use std::io::{Error, ErrorKind};
     use std::path::Path;
     use std::sync::{Arc, Mutex};
-    use std::time::Duration;
 
     use gonio_instrument::{Exposure, Frame, Pose};
 

@@ -15,7 +15,7 @@ use crate::seal::Kind;
 use crate::segment::{ChunkEntry, Segment};
 use crate::segment_writer::{Content, SegmentWriter};
 use crate::session::Session;
-use crate::writer::{Clock, Writer};
+use crate::writer::{Clock, Writer, WriterOptions};
 
 /// How far a session has come.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -55,7 +55,19 @@ fn progress_of(session: &Session) -> Progress {
 /// # Errors
 /// [`RecordingError::Mismatch`] where instrument, plan or kind of scan differ, [`RecordingError::InUse`] while another
 /// program writes it; those of [`Session::open`] and [`Writer::create`].
-pub fn resume(first: &Path, header: &Header, mut clock: Clock) -> Result<(Writer, Progress), RecordingError> {
+pub fn resume(first: &Path, header: &Header, clock: Clock) -> Result<(Writer, Progress), RecordingError> {
+    resume_with(first, header, WriterOptions { clock, ..WriterOptions::default() })
+}
+
+/// [`resume`] with the options of the new segment; nothing is ever overwritten.
+///
+/// # Errors
+/// As [`resume`].
+pub fn resume_with(
+    first: &Path,
+    header: &Header,
+    mut options: WriterOptions,
+) -> Result<(Writer, Progress), RecordingError> {
     let session = Session::open(first)?;
     let mismatch = |what| RecordingError::Mismatch { path: first.to_owned(), what };
     // a part that is lost cannot contradict
@@ -73,11 +85,11 @@ pub fn resume(first: &Path, header: &Header, mut clock: Clock) -> Result<(Writer
         finish_in_place(segment)?;
     }
     let number = continuations(first).last().copied().unwrap_or(1) + 1;
-    let mut record = SessionRecord::new(header, number, clock.time())?;
+    let mut record = SessionRecord::new(header, number, options.clock.time())?;
     if let Some(r) = session.record() {
         record.id.clone_from(&r.id);
     }
-    let writer = Writer::create_segment(first, header, &record, clock)?;
+    let writer = Writer::create_segment(first, header, &record, options)?;
     Ok((writer, progress))
 }
 

@@ -16,9 +16,15 @@ const NOTES_PER_POSE: u64 = 1 << 20;
 #[must_use]
 pub fn space_needed(plan: &Plan, camera: &CameraGeometry) -> u64 {
     let poses = plan.tilt_deg.len() as u64 * plan.spin_deg.len() as u64;
+    poses.saturating_mul(space_per_pose(plan, camera))
+}
+
+/// Most bytes that one pose of this plan can take.
+#[must_use]
+pub fn space_per_pose(plan: &Plan, camera: &CameraGeometry) -> u64 {
     let frames = u64::from(plan.max_exposures) * u64::from(plan.repeats) + DARK_FRAMES;
     let frame = camera.pixels() as u64 * 2 + 1024;
-    poses.saturating_mul(frames.saturating_mul(frame).saturating_add(NOTES_PER_POSE))
+    frames.saturating_mul(frame).saturating_add(NOTES_PER_POSE)
 }
 
 /// Bytes free for this user on the file system that holds `path`, or will hold it.

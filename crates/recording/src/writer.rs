@@ -16,6 +16,7 @@ use prost::Message as _;
 
 use crate::header::{self, Header, SessionRecord};
 use crate::layout::Topic;
+use crate::medium::{FaultyFile, FileFaults, Medium};
 use crate::message::{FrameInfo, SensorReading, Wire, ns};
 use crate::paths::{continuations, segment_path};
 use crate::segment_writer::SegmentWriter;
@@ -60,12 +61,14 @@ impl Clock {
 }
 
 /// How a session is created.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct WriterOptions {
     /// Overwrite a session of the same name, its continuation segments included.
     pub overwrite: bool,
     /// Where times come from.
     pub clock: Clock,
+    /// A bad disk, to see what becomes of the session.
+    pub faults: Option<FileFaults>,
 }
 
 /// How serious an event is; the values are those of `foxglove.Log`.
@@ -146,7 +149,7 @@ impl Writer {
             let old = segment_path(path, n);
             std::fs::remove_file(&old).map_err(|e| RecordingError::io("remove", &old, 0, &e))?;
         }
-        Self::begin(file, path, header, &record, clock)
+        Self::begin(medium(file, options.faults), path, header, &record, clock)
     }
 
     /// Begins the segment that `record` names; for a continued session.
@@ -154,21 +157,22 @@ impl Writer {
         first: &Path,
         header: &Header,
         record: &SessionRecord,
-        clock: Clock,
+        options: WriterOptions,
     ) -> Result<Self, RecordingError> {
         let path = segment_path(first, record.segment);
-        Self::begin(create_file(&path, false)?, &path, header, record, clock)
+        let file = create_file(&path, false)?;
+        Self::begin(medium(file, options.faults), &path, header, record, options.clock)
     }
 
     fn begin(
-        file: File,
+        file: Box<dyn Medium>,
         path: &Path,
         header: &Header,
         record: &SessionRecord,
         clock: Clock,
     ) -> Result<Self, RecordingError> {
         let attachments = header::attachments(header, record)?;
-        let made = SegmentWriter::create(Box::new(file), path, &attachments, record.started_ns);
+        let made = SegmentWriter::create(file, path, &attachments, record.started_ns);
         let segment = match made {
             Ok(s) => s,
             Err(e) => {
@@ -428,6 +432,13 @@ pub(crate) fn lock(file: &File, path: &Path) -> Result<(), RecordingError> {
         Err(std::fs::TryLockError::WouldBlock) => Err(RecordingError::InUse { path: path.to_owned() }),
         // a file system without locks must not keep anyone from measuring
         Ok(()) | Err(std::fs::TryLockError::Error(_)) => Ok(()),
+    }
+}
+
+fn medium(file: File, faults: Option<FileFaults>) -> Box<dyn Medium> {
+    match faults {
+        None => Box::new(file),
+        Some(faults) => Box::new(FaultyFile::new(file, faults)),
     }
 }
 

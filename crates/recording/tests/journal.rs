@@ -53,6 +53,25 @@ fn an_existing_session_is_not_overwritten_unless_forced() {
 }
 
 #[test]
+fn a_session_is_read_while_it_is_written() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let path = dir.path().join("s.mcap");
+    let mut w = Writer::create(&path, &header(), options()).expect("created");
+    for i in 0..4 {
+        w.begin_pose(i, pose(i), pose(i)).expect("begun");
+        w.frame(&exposure(16, 8, i, 0)).expect("taken");
+        // in mid-pose: what is done is there, what is not is not
+        let s = Session::open(&path).expect("opens");
+        let seen: Vec<u32> = s.poses().map(|p| p.expect("whole").index).collect();
+        assert_eq!(seen, (0..i).collect::<Vec<_>>());
+        assert!(!s.finished());
+        w.end_pose().expect("done");
+    }
+    w.finish().expect("finished");
+    assert_eq!(Session::open(&path).expect("opens").poses().count(), 4);
+}
+
+#[test]
 fn calls_out_of_order_and_frames_of_the_wrong_size_are_refused() {
     let dir = tempfile::tempdir().expect("a folder");
     let mut w = Writer::create(&dir.path().join("s.mcap"), &header(), options()).expect("created");

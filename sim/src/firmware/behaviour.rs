@@ -207,6 +207,7 @@ impl Firmware {
                 self.tilt.homed();
                 self.spin.homed();
                 self.homed = true;
+                self.world.update(|state| state.homings = state.homings.wrapping_add(1));
                 self.device.reply(id, Reply::Done(Outcome::At(self.position())));
             }
             Task::Moving { id } => self.device.reply(id, Reply::Done(Outcome::At(self.position()))),
@@ -225,7 +226,7 @@ impl Firmware {
                 What::StallSpin => self.stall(now, Axis::Spin),
                 What::Restart => self.restart(now),
                 // These last, and are looked up where they matter.
-                What::InterlockOpen | What::OverTemperature | What::Silent => {}
+                What::InterlockOpen | What::OverTemperature | What::Silent | What::HangUp => {}
             }
         }
     }

@@ -68,6 +68,9 @@ impl Firmware {
                 if let Some(waiting) = self.shutter.id.take() {
                     self.device.reply(waiting, Reply::Aborted(None));
                 }
+                if open && self.shutter.is_closed() {
+                    self.world.update(|state| state.openings = state.openings.wrapping_add(1));
+                }
                 self.shutter.set(t, open);
                 if !self.shutter.is_travelling() {
                     return Ok(Some(Outcome::Nothing));

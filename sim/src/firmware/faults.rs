@@ -13,8 +13,19 @@
 //! at_s = 12.0
 //! for_s = 2.0
 //!
+//! [[event]]                  # the port is gone for a second, as if the plug were pulled
+//! what = "hang-up"
+//! at_move = 4
+//! for_s = 1.0
+//!
 //! [link]                     # for the host's fault-injecting transport
 //! loss = 0.01
+//!
+//! [camera]                   # for the host's fault-injecting camera
+//! torn = 0.02
+//!
+//! [file]                     # for the session file
+//! full_after = 200000
 //! ```
 //!
 //! Besides, `protocol_version = 2` makes the controller speak a version of the protocol that nobody knows.
@@ -43,9 +54,12 @@ pub struct Faults {
     /// How bad the line is; applied by the transport's fault injection, not here.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub link: Option<LinkFaults>,
-    /// What goes wrong with the camera; acted on by [`crate::VirtualCamera`], not here.
+    /// What goes wrong with the camera; applied by the camera's fault injection, not here.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub camera: Option<crate::CameraFaults>,
+    /// What goes wrong with the session file; applied by the journal's fault injection, not here.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub file: Option<FileFaults>,
 }
 
 /// One event. Exactly one of `at_s` and `at_move` is given.
@@ -81,6 +95,8 @@ pub enum What {
     Restart,
     /// The controller hears and says nothing.
     Silent,
+    /// The port hangs up and is gone.
+    HangUp,
 }
 
 /// How bad the line is: chances per block of bytes, 0 to 1.
@@ -97,9 +113,38 @@ pub struct LinkFaults {
     pub reorder: f64,
     /// The longest delay of a block, ms.
     pub delay_ms: u32,
-    /// The port hangs up after this many bytes.
+    /// The port hangs up after this many bytes, and again after as many.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub hang_up_after: Option<u64>,
+    /// How long it is gone each time; for ever if absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub hang_up_ms: Option<u32>,
+    /// After this many bytes nothing passes for [`LinkFaults::stall_ms`]; then all of it comes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stall_after: Option<u64>,
+    /// How long a stall lasts, ms.
+    pub stall_ms: u32,
+    /// After this many bytes the device hears, and what it says is lost, for [`LinkFaults::half_open_ms`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub half_open_after: Option<u64>,
+    /// How long the line is half open, ms.
+    pub half_open_ms: u32,
+}
+
+/// What goes wrong with the session file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct FileFaults {
+    /// The disk is full after this many bytes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub full_after: Option<u64>,
+    /// Writing fails after this many bytes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fail_after: Option<u64>,
+    /// Each write takes this much longer, ms.
+    pub slow_ms: u32,
+    /// Chance of each write to fail, 0 to 1.
+    pub fail: f64,
 }
 
 /// Why a faults file was refused.
@@ -169,6 +214,13 @@ impl Faults {
                     expected: "a chance, 0 to 1",
                 });
             }
+        }
+        if let Some(found) = faults.file.map(|f| f.fail).filter(|c| !(0.0..=1.0).contains(c)) {
+            return Err(FaultsError::Value {
+                field: "file.fail".to_owned(),
+                found: found.to_string(),
+                expected: "a chance, 0 to 1",
+            });
         }
         if let Some((name, found)) = faults.camera.as_ref().and_then(crate::CameraFaults::out_of_range) {
             return Err(FaultsError::Value {

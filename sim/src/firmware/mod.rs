@@ -16,7 +16,7 @@ pub mod serve;
 mod settings;
 mod shutter;
 
-pub use faults::{FaultEvent, Faults, FaultsError, LinkFaults, What};
+pub use faults::{FaultEvent, Faults, FaultsError, FileFaults, LinkFaults, What};
 pub use settings::Settings;
 
 use crate::world::World;
@@ -187,6 +187,11 @@ impl Firmware {
         // A hair later, so that a poll at that time finds it reached in spite of rounding.
         let at = Duration::try_from_secs_f64(t / self.settings.time_scale).unwrap_or(Duration::MAX);
         at.saturating_add(Duration::from_nanos(1))
+    }
+
+    /// The plug is pulled by a scheduled hang-up; whoever serves the firmware closes the port meanwhile.
+    pub fn is_unplugged(&self, now: Duration) -> bool {
+        self.schedule.is_active(What::HangUp, self.instrument_time(now))
     }
 
     fn is_silent(&self, now: Duration) -> bool {

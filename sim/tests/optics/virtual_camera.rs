@@ -91,41 +91,6 @@ fn a_stop_ends_a_long_exposure() {
 }
 
 #[test]
-fn dropped_frames_leave_a_gap_in_the_sequence() {
-    let w = world(20.0);
-    let mut c = camera(&w, 2).with_faults(CameraFaults { dropped: 0.3, ..CameraFaults::default() });
-    let numbers: Vec<u64> = (0..20).map(|_| shot(&mut c, 1).sequence).collect();
-    assert!(numbers.windows(2).all(|n| n[1] > n[0]));
-    assert!(numbers.windows(2).any(|n| n[1] > n[0] + 1), "{numbers:?}");
-}
-
-#[test]
-fn frozen_frames_repeat_and_torn_frames_repeat_in_their_lower_part() {
-    let w = world(20.0);
-    let mut c = camera(&w, 2).with_faults(CameraFaults { frozen: 1.0, ..CameraFaults::default() });
-    let (a, b) = (shot(&mut c, 1), shot(&mut c, 1));
-    assert_eq!(a.pixels, b.pixels);
-    assert_ne!(a.sequence, b.sequence);
-    let mut c = camera(&w, 2).with_faults(CameraFaults { torn: 1.0, ..CameraFaults::default() });
-    let (a, b) = (shot(&mut c, 1), shot(&mut c, 8));
-    let last = b.pixels.len() - 1;
-    assert_eq!(a.pixels[last], b.pixels[last]);
-    let sound = shot(&mut camera(&w, 2), 8);
-    assert_eq!(b.pixels[0], sound.pixels[0]);
-}
-
-#[test]
-fn an_unplugged_camera_says_so() {
-    let w = world(20.0);
-    let faults = CameraFaults { unplugged_after: Some(2), ..CameraFaults::default() };
-    let mut c = camera(&w, 2).with_faults(faults);
-    shot(&mut c, 1);
-    shot(&mut c, 1);
-    let e = c.capture(Duration::from_millis(1), &Cancel::new()).expect_err("unplugged");
-    assert!(matches!(e, DeviceError::Gone { .. }), "{e}");
-}
-
-#[test]
 fn camera_faults_stand_in_the_faults_file_and_chances_are_checked() {
     let head = "format = \"gonio-faults\"\nversion = 1\n[camera]\n";
     let faults = Faults::from_toml(&format!("{head}torn = 0.25\nunplugged_after = 9\n")).expect("valid");

@@ -13,7 +13,9 @@ const LAMP_OUT: f64 = 0.01;
 impl Engine {
     /// What follows the beginning of a pose.
     pub(super) fn begin_frames(&mut self) -> State {
-        let guess = if self.bracket.taken() > 0 { self.bracket.hint() } else { self.setup.first_exposure };
+        // a continued scan begins a bracket where the uninterrupted one would: by the pose before it in the plan
+        let before = self.index().checked_sub(1).and_then(|i| self.setup.hints.get(&i));
+        let guess = before.copied().unwrap_or(self.hint);
         self.bracket = Bracket::new(self.setup.exposure_s, self.setup.max_exposures, guess);
         self.repeat = 0;
         self.tries = 0;
@@ -90,6 +92,16 @@ impl Engine {
                 fault: format!("a lamp monitor of {}", s.lamp_monitor),
                 advice: "the lamp is out; replace it and continue with --resume".to_owned(),
             }));
+        }
+        if let (Frame::Taken, Event::Sensors(s)) = (self.frame, event)
+            && self.suspend_for_sensors(s)
+        {
+            return;
+        }
+        if let (Frame::Idle, Event::Frame(summary)) = (self.frame, event)
+            && self.suspend_for_light(summary)
+        {
+            return;
         }
         if !self.frame_step(event) {
             return;

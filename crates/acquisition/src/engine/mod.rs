@@ -3,12 +3,18 @@
 //! preflight (journal, sensors, shutter closed) → home → lamp → for each pose: move, dark frames (at the plan's first pose, shutter closed),
 //! shutter open, bracket, shutter closed, pose done → lamp off → finished. However it ends, the last things asked for are: motion stopped, shutter
 //! closed, the open pose given up, the journal closed. One action is under way at a time; pause, abort and emergency
-//! may come at any instant.
+//! may come at any instant. What passes by itself or by a hand (lid, lamp, heat, stray light) suspends the scan and is waited for; a device that
+//! has restarted is homed, and the pose under way begun anew.
 
 mod bracketing;
+mod failing;
+mod notes;
 pub mod preflight;
+mod progress;
+mod remaining;
 mod safing;
 pub mod setup;
+mod suspending;
 
 use std::time::Duration;
 
@@ -16,9 +22,13 @@ use gonio_instrument::{DeviceError, Pose, ScanKind, Sensors};
 use gonio_recording::RecordingError;
 
 use crate::bracket::{Bracket, FrameSummary};
+pub use notes::Note;
 pub use preflight::PreflightError;
+use remaining::Timing;
 use safing::Safing;
 pub use setup::Setup;
+pub use suspending::Suspenders;
+use suspending::Suspension;
 
 /// How often a frame is tried before its pose is given up.
 pub const TRIES: u32 = 3;
@@ -72,6 +82,8 @@ pub enum Action {
     EndPose,
     /// Give the open pose up in the journal.
     GiveUpPose,
+    /// Clear the device's fault, if its cause is gone.
+    Rearm,
     /// Stop all motion in a controlled way.
     StopMotion,
     /// Stop everything at once, shutter closed, lamp off.
@@ -193,6 +205,8 @@ pub enum Phase {
     Exposing,
     /// Held.
     Paused,
+    /// Waiting for something to pass.
+    Suspended,
     /// Making the device safe.
     Safing,
     /// Over.
@@ -236,9 +250,32 @@ enum State {
     GiveUp,
     /// A move failed: whatever still turns is stopped before the next.
     Halt,
+    /// Suspended: the shutter closes.
+    Shade,
+    /// Suspended: waiting.
+    Suspended,
+    /// It has passed: the lamp is switched on again.
+    Relight,
     LampOff,
     Safing,
     Ended,
+}
+
+impl State {
+    /// Whether the scan can stand still here, and go on later or anew.
+    const fn waits(self) -> bool {
+        !matches!(
+            self,
+            Self::CheckJournal
+                | Self::CheckSensors
+                | Self::Begin
+                | Self::EndPose
+                | Self::GiveUp
+                | Self::LampOff
+                | Self::Safing
+                | Self::Ended
+        )
+    }
 }
 
 /// Where the frame under way stands.
@@ -262,6 +299,8 @@ pub struct Engine {
     state: State,
     frame: Frame,
     bracket: Bracket,
+    /// Exposure from which a bracket begins: what was of use at the pose before.
+    hint: Duration,
     repeat: u32,
     requested: Duration,
     summary: FrameSummary,
@@ -278,7 +317,20 @@ pub struct Engine {
     done: u32,
     frames: u32,
     elapsed: Duration,
-    began: Option<Duration>,
+    /// Lamp monitor at the first lit frame.
+    lamp_reference: Option<f64>,
+    suspension: Option<Suspension>,
+    /// When the last suspension ended, and when it had begun.
+    resumed_at: Option<(Duration, Duration)>,
+    /// The pose under way is given up to be begun anew.
+    anew: bool,
+    /// How often that was done for this pose.
+    beginnings: u32,
+    timing: Timing,
+    /// Action under way, and when it began.
+    acting: Option<(Action, Duration)>,
+    notes: Vec<Note>,
+    noted: Option<(Phase, usize)>,
 }
 
 impl Engine {
@@ -293,6 +345,7 @@ impl Engine {
             state: State::CheckJournal,
             frame: Frame::Idle,
             bracket,
+            hint: setup.first_exposure,
             repeat: 0,
             requested: Duration::ZERO,
             summary: FrameSummary::default(),
@@ -309,7 +362,15 @@ impl Engine {
             done: 0,
             frames: 0,
             elapsed: Duration::ZERO,
-            began: None,
+            lamp_reference: None,
+            suspension: None,
+            resumed_at: None,
+            anew: false,
+            beginnings: 0,
+            timing: Timing::default(),
+            acting: None,
+            notes: Vec::new(),
+            noted: None,
             setup,
         };
         if let Err(e) = engine.setup.check() {
@@ -327,12 +388,17 @@ impl Engine {
         if !self.in_flight && self.state != State::Safing {
             if let Some(emergency) = self.abort {
                 self.end(Outcome::Aborted { emergency, remaining: self.remaining() }, emergency);
-            } else if self.paused && self.may_pause() {
+            } else if (self.paused && self.may_pause()) || self.is_waiting() {
+                self.note_phase();
                 return Step::Wait;
             }
         }
+        self.note_phase();
         match self.action() {
             Some(a) => {
+                if !self.in_flight {
+                    self.acting = Some((a.clone(), self.elapsed));
+                }
                 self.in_flight = true;
                 Step::Do(a)
             }
@@ -359,30 +425,10 @@ impl Engine {
             answer => {
                 if self.in_flight {
                     self.in_flight = false;
+                    self.learn(&answer);
                     self.answer(answer);
                 }
             }
-        }
-    }
-
-    /// How far the scan is.
-    #[must_use]
-    pub fn progress(&self) -> Progress {
-        let total = self.setup.poses.len() as u32;
-        let earlier = self.setup.done.iter().filter(|i| **i < total).count() as u32;
-        let run = self.todo.len() as u32;
-        let each = if self.done > 0 { f64::from(self.frames) / f64::from(self.done) } else { 6.0 };
-        let remaining = (self.done > 0).then(|| {
-            let since = self.elapsed.saturating_sub(self.began.unwrap_or(self.elapsed));
-            since.mul_f64(f64::from(self.remaining()) / f64::from(self.done))
-        });
-        Progress {
-            phase: self.phase(),
-            poses_done: earlier + self.done,
-            poses_total: total,
-            exposures_done: self.frames,
-            exposures_total: self.frames.max((each * f64::from(run)).round() as u32),
-            remaining,
         }
     }
 
@@ -417,20 +463,6 @@ impl Engine {
         &self.lost
     }
 
-    fn phase(&self) -> Phase {
-        match self.state {
-            State::Ended => Phase::Ended,
-            State::Safing => Phase::Safing,
-            _ if self.paused && !self.in_flight => Phase::Paused,
-            State::CheckJournal | State::CheckSensors | State::Shut => Phase::Preflight,
-            State::Home => Phase::Homing,
-            State::LampOn | State::LampOff => Phase::Lamp,
-            State::Move | State::Begin | State::Halt => Phase::Moving,
-            State::Dark { .. } => Phase::Dark,
-            State::Open | State::Expose | State::Close | State::EndPose | State::GiveUp => Phase::Exposing,
-        }
-    }
-
     /// Poses not taken: those ahead, the one under way, and those given up.
     fn remaining(&self) -> u32 {
         let ahead = self.todo.get(self.at..).unwrap_or(&[]);
@@ -455,9 +487,10 @@ impl Engine {
         Some(match self.state {
             State::CheckJournal => Action::CheckJournal,
             State::CheckSensors => Action::ReadSensors,
-            State::Shut | State::Close => Action::Shutter(false),
+            State::Shut | State::Close | State::Shade => Action::Shutter(false),
             State::Home => Action::Home,
-            State::LampOn => Action::Lamp(1.0),
+            State::LampOn | State::Relight => Action::Lamp(1.0),
+            State::Suspended => self.look(),
             State::Move => Action::MoveTo { index: self.index(), pose: self.pose() },
             State::Begin => {
                 Action::BeginPose { index: self.index(), commanded: self.pose(), readback: self.readback }
@@ -521,7 +554,7 @@ impl Engine {
             State::Dark { k } => return self.dark_frame(k, event),
             State::Expose => return self.light_frame(event),
             State::Close => {
-                if self.lost.last().is_some_and(|l| l.index == self.index()) {
+                if self.anew || self.lost.last().is_some_and(|l| l.index == self.index()) {
                     State::GiveUp
                 } else {
                     State::EndPose
@@ -529,6 +562,9 @@ impl Engine {
             }
             State::EndPose => {
                 self.pose_open = false;
+                self.timing.done();
+                self.hint = self.bracket.hint();
+                self.beginnings = 0;
                 self.done += 1;
                 self.at += 1;
                 self.next_pose()
@@ -539,9 +575,18 @@ impl Engine {
             }
             State::GiveUp => {
                 self.pose_open = false;
-                self.at += 1;
-                self.next_pose()
+                self.timing.given_up();
+                if std::mem::take(&mut self.anew) {
+                    State::Shut
+                } else {
+                    self.beginnings = 0;
+                    self.at += 1;
+                    self.next_pose()
+                }
             }
+            State::Shade => State::Suspended,
+            State::Suspended => return self.looked(event),
+            State::Relight => return self.go_on(),
             State::LampOff => {
                 let lost = std::mem::take(&mut self.lost);
                 self.outcome = Some(if lost.is_empty() { Outcome::Done } else { Outcome::Partial { lost } });
@@ -553,7 +598,6 @@ impl Engine {
 
     fn next_pose(&mut self) -> State {
         self.tries = 0;
-        self.began.get_or_insert(self.elapsed);
         if self.at < self.todo.len() {
             return State::Move;
         }
@@ -563,59 +607,5 @@ impl Engine {
         let lost = std::mem::take(&mut self.lost);
         self.outcome = Some(if lost.is_empty() { Outcome::Done } else { Outcome::Partial { lost } });
         State::Ended
-    }
-
-    /// Gives the pose under way up and goes on with the next.
-    fn lose(&mut self, reason: String) {
-        let index = self.index();
-        self.lost.push(LostPose { index, reason });
-        self.frame = Frame::Idle;
-        self.state = if self.pose_open { State::Close } else { State::Halt };
-    }
-
-    fn failed(&mut self, e: DeviceError) {
-        match (&e, self.state) {
-            (DeviceError::Cancelled, _) => {
-                let emergency = self.abort.unwrap_or(false);
-                self.end(Outcome::Aborted { emergency, remaining: self.remaining() }, emergency);
-            }
-            // one more try for a frame that came damaged or not at all
-            (
-                DeviceError::BadFrame { .. } | DeviceError::Timeout { .. },
-                State::Dark { .. } | State::Expose,
-            ) if self.frame == Frame::Idle => {
-                self.tries += 1;
-                if self.tries >= TRIES {
-                    self.lose(e.to_string());
-                }
-            }
-            // a fault that closed the shutter spoils the frame; what can be re-armed has been, what cannot refuses the next command
-            (DeviceError::Fault { .. }, State::Dark { .. } | State::Expose) if self.frame == Frame::Taken => {
-                self.frame = Frame::Idle;
-                self.tries += 1;
-                if self.tries >= TRIES {
-                    self.fail(ScanError::Device(e));
-                } else if self.state == State::Expose {
-                    self.state = State::Open;
-                }
-            }
-            // left behind by whoever was here before
-            (DeviceError::Fault { .. }, State::CheckSensors) if self.tries == 0 => self.tries = 1,
-            (DeviceError::NotRecorded { .. }, State::Move | State::Dark { .. } | State::Expose) => {
-                self.lose(e.to_string());
-            }
-            _ => self.fail(ScanError::Device(e)),
-        }
-    }
-
-    fn fail(&mut self, error: ScanError) {
-        self.end(Outcome::Failed { error, remaining: self.remaining() }, false);
-    }
-
-    fn end(&mut self, outcome: Outcome, emergency: bool) {
-        self.outcome = Some(outcome);
-        self.safing = Some(Safing::new(emergency, self.pose_open, self.lamp_on));
-        self.state = State::Safing;
-        self.frame = Frame::Idle;
     }
 }

@@ -1,12 +1,13 @@
 //! What a scan is told before it begins.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-use gonio_instrument::{CameraInfo, Description, Plan, Pose, ScanKind, Sensors};
+use gonio_instrument::{CameraInfo, Description, Plan, Pose, PoseRecord, ScanKind, Sensors};
 
 use super::bracketing::dark_exposures;
 use super::preflight::{self, PreflightError};
+use super::suspending::Suspenders;
 
 /// Largest departure of the sample's surface from F1, mm: the spot must stay within the pixels' footprints.
 pub const HEIGHT_TOLERANCE_MM: f64 = 0.2;
@@ -26,6 +27,10 @@ pub struct Setup {
     pub poses: Vec<Pose>,
     /// Poses that an earlier run has measured.
     pub done: BTreeSet<u32>,
+    /// Shortest lit exposure of each of these poses, from which the bracket of the next began.
+    pub hints: BTreeMap<u32, Duration>,
+    /// What the scan waits for.
+    pub suspenders: Suspenders,
     /// Shortest and longest exposure, s.
     pub exposure_s: [f64; 2],
     /// Most exposures of a bracket.
@@ -49,6 +54,8 @@ impl Setup {
         Self {
             poses: plan.poses(),
             done: BTreeSet::new(),
+            hints: BTreeMap::new(),
+            suspenders: Suspenders::default(),
             exposure_s,
             max_exposures: plan.max_exposures,
             repeats: plan.repeats.max(1),
@@ -67,6 +74,14 @@ impl Setup {
     pub fn resuming(mut self, done: BTreeSet<u32>) -> Self {
         self.done = done;
         self
+    }
+
+    /// What an earlier run found of the exposures of a pose, so that this one takes the same frames as an uninterrupted one.
+    pub fn learn(&mut self, record: &PoseRecord) {
+        let lit = record.exposures.iter().filter(|e| e.shutter_open);
+        if let Some(shortest) = lit.map(|e| e.frame.exposure).min() {
+            self.hints.insert(record.index, shortest);
+        }
     }
 
     /// What can be checked without asking the device anything.

@@ -49,6 +49,7 @@ pub fn run(a: &DemoArguments, printer: Printer) -> Result<Outcome, Failure> {
         fit: Some("ashikhmin-shirley-simplified".to_owned()),
         coat: CoatArguments::default(),
         resume: false,
+        patience: 30.0,
         force: a.force,
         simulated: VirtualArguments {
             truth: Some(truth_path),

@@ -44,8 +44,24 @@ fn ask(what: Ask) -> Result<Vec<ScanState>, Failure> {
 }
 
 fn line(s: &ScanState) -> String {
+    let link = &s.link;
+    let link = if link.sent == 0 {
+        String::new()
+    } else {
+        format!(
+            "\n  link: round trip {:.1} ms, {} of {} frames sent again, {} damaged, last heard {} ms ago, {} sessions",
+            link.round_trip.as_secs_f64() * 1e3,
+            link.retransmitted,
+            link.sent,
+            link.corrupted,
+            link.silent_for.as_millis(),
+            link.sessions
+        )
+    };
+    let waits =
+        if s.waiting_for.is_empty() { String::new() } else { format!("\n  waiting: {}", s.waiting_for) };
     format!(
-        "{} ({}, process {}): {}, {} of {} poses done{}{}{}\n",
+        "{} ({}, process {}): {}, {} of {} poses done{}{}{}{waits}{link}\n",
         s.session,
         s.kind,
         s.pid,

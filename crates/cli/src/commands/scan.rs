@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::sync_channel;
 
+use gonio_acquisition::runner::FrameCounts;
 use gonio_acquisition::{Options, PixelMap, Reducer, reference_plan};
 use gonio_brdf::Measured;
 use gonio_fitter::Fit;
@@ -78,7 +79,7 @@ pub fn run(a: &ScanArguments, printer: Printer) -> Result<Outcome, Failure> {
         &text,
         &json!({
             "session": shown(&a.output), "kind": ScanKind::from(a.kind).name(), "poses_done": r.poses_done,
-            "poses_total": r.poses_total, "frames": r.frames, "link": r.link,
+            "poses_total": r.poses_total, "frames": r.frames, "link": r.link, "camera": camera_json(&r.camera_frames),
             "complete": matches!(verdict, Ok(Outcome::Done)),
             "coat": scanned.coat.as_ref().map(|c| &c.json),
             "fit": scanned.fit.as_ref().map(Fit::to_json),
@@ -177,6 +178,7 @@ pub fn scan(a: &ScanArguments, cancel: &Cancel) -> Result<Scanned, Failure> {
         output: &a.output,
         resume: a.resume,
         force: a.force,
+        file_faults: simulated.as_ref().and_then(Simulated::file_faults),
     };
     if a.resume
         && let Some(recorded) = continuing::nothing_left(&job)?
@@ -195,7 +197,8 @@ pub fn scan(a: &ScanArguments, cancel: &Cancel) -> Result<Scanned, Failure> {
             _ => Ok(Scanned { recorded, fit: None, files: None, coat: None, lost: Vec::new() }),
         };
     }
-    let mut rig = Rig::open(&a.device, &a.camera, &instrument, &plan, kind, simulated.as_ref())?;
+    let mut rig =
+        Rig::open(&a.device, &a.camera, &instrument, &plan, kind, simulated.as_ref(), a.patience())?;
     let state = ScanState {
         session: a.output.display().to_string(),
         kind: kind.name().to_owned(),
@@ -371,10 +374,11 @@ fn virtual_white(
         output: &path,
         resume: false,
         force: true,
+        file_faults: None,
     };
     // what shall go wrong, shall go wrong with the scan
     let sound = Simulated { faults: Faults::default(), ..simulated.clone() };
-    let mut rig = Rig::open("sim", "sim", instrument, &plan, ScanKind::White, Some(&sound))?;
+    let mut rig = Rig::open("sim", "sim", instrument, &plan, ScanKind::White, Some(&sound), a.patience())?;
     let recorded = scanning::record(&job, &mut rig, map, cancel, None, &mut |_| {})?;
     let told = |e: String| {
         let e = e.replace("go on with --resume", "say the same command again");
@@ -389,6 +393,13 @@ fn virtual_white(
         Err(Failure::Device(e)) => Err(Failure::Device(told(e))),
         Err(e) => Err(e),
     }
+}
+
+fn camera_json(f: &FrameCounts) -> serde_json::Value {
+    json!({
+        "sound": f.sound, "missing": f.missing, "torn": f.torn, "repeated": f.repeated, "late": f.late,
+        "timed_out": f.timed_out,
+    })
 }
 
 fn certificate(a: &ScanArguments, kind: ScanKind, simulated: bool) -> Result<Option<Certificate>, Failure> {

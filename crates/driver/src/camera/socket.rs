@@ -19,7 +19,7 @@ const GLANCE: Duration = Duration::from_millis(20);
 /// Longest wait beyond the exposure; tracing a pose for the first time takes seconds on a slow machine.
 const PATIENCE: Duration = Duration::from_secs(120);
 /// How long a client waits for the one before it to put the camera down.
-const HANDOVER: Duration = Duration::from_millis(500);
+const HANDOVER: Duration = Duration::from_secs(2);
 /// How often the server looks whether it shall end.
 const ACCEPT_GLANCE: Duration = Duration::from_millis(20);
 

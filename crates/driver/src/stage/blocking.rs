@@ -4,6 +4,7 @@ use super::{Client, Options, Pending};
 use crate::transport::{SerialTransport, Transport, serial};
 use gonio_instrument::{Cancel, DeviceError, LinkStatistics, Pose, Sensors, Stage, StageIdentity, Stopping};
 use gonio_protocol::message::{Command, Fault, Outcome, Position, Status};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// How often a stop request is looked at.
@@ -43,13 +44,19 @@ pub struct SerialStage {
 }
 
 impl SerialStage {
-    /// Opens a serial port (or pseudo-terminal) at the default speed and greets the device there.
+    /// Opens a serial port (or pseudo-terminal) at the default speed and greets the device there. A port that hangs up is looked
+    /// for under the same name, unless `options` say how else.
     ///
     /// # Errors
     /// [`DeviceError`].
     pub fn open(path: &str, options: Options) -> Result<SerialStage, DeviceError> {
         let transport = SerialTransport::open(path, serial::DEFAULT_BAUD)?;
-        SerialStage::connect(Box::new(transport), options)
+        let name = path.to_owned();
+        let again = move || {
+            SerialTransport::open(&name, serial::DEFAULT_BAUD).map(|t| Box::new(t) as Box<dyn Transport>)
+        };
+        let reopen = options.reopen.clone().or_else(|| Some(Arc::new(again)));
+        SerialStage::connect(Box::new(transport), Options { reopen, ..options })
     }
 
     /// Greets the device behind any transport.

@@ -9,6 +9,7 @@
 
 mod blocking;
 mod outcome;
+mod returning;
 mod worker;
 
 pub use blocking::{MotionRates, SerialStage};
@@ -16,7 +17,7 @@ pub use outcome::{describe_fault, fault_error};
 
 use crate::transport::{Transport, Waker};
 use gonio_instrument::{DeviceError, LinkStatistics, StageIdentity};
-use gonio_protocol::message::{Command, Fault, Outcome, Telemetry};
+use gonio_protocol::message::{Command, Fault, Outcome, Position, Telemetry};
 use std::fmt;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -64,9 +65,31 @@ pub enum StageEvent {
         /// How long.
         waited: Duration,
     },
+    /// The device has answered an emergency stop.
+    EmergencyStopped {
+        /// Number of the stop.
+        id: u32,
+    },
+    /// The port hung up; it is looked for, and what was asked for waits.
+    HungUp(DeviceError),
+    /// The port is back, the device is the same and stands where it stood.
+    Returned {
+        /// Since the hang-up was noticed.
+        away: Duration,
+        /// Where it stands, micro-degrees.
+        position: Position,
+    },
+    /// The port is back, and the positions are void.
+    Shifted {
+        /// What was found.
+        why: String,
+    },
     /// The port is gone; the client is of no more use.
     Gone(DeviceError),
 }
+
+/// Opens the port again after it hung up. Called on the device thread, some fifty times a second.
+pub type Reopen = Arc<dyn Fn() -> Result<Box<dyn Transport>, DeviceError> + Send + Sync>;
 
 /// How to connect.
 #[derive(Clone)]
@@ -79,6 +102,10 @@ pub struct Options {
     pub tap: Option<Tap>,
     /// Sees every event.
     pub events: Option<EventSink>,
+    /// How a port that hung up is opened again; without it a hang-up is the end.
+    pub reopen: Option<Reopen>,
+    /// How long a port that hung up is looked for.
+    pub patience: Duration,
 }
 
 impl Default for Options {
@@ -88,6 +115,8 @@ impl Default for Options {
             silence_timeout: Duration::from_secs(2),
             tap: None,
             events: None,
+            reopen: None,
+            patience: Duration::from_secs(30),
         }
     }
 }
@@ -110,6 +139,25 @@ struct Snapshot {
     telemetry: Option<Telemetry>,
 }
 
+impl Snapshot {
+    fn statistics(&self) -> LinkStatistics {
+        let silent_for = self.heard.map_or(Duration::ZERO, |at| at.elapsed());
+        LinkStatistics { silent_for, ..self.statistics }
+    }
+}
+
+/// Tells how a link is doing; see [`Client::watch`].
+#[derive(Clone, Debug)]
+pub struct LinkWatch(Arc<Mutex<Snapshot>>);
+
+impl LinkWatch {
+    /// Counters now.
+    #[must_use]
+    pub fn statistics(&self) -> LinkStatistics {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).statistics()
+    }
+}
+
 /// A connection to a motion controller. Shared by reference; all methods take `&self`.
 #[derive(Debug)]
 pub struct Client {
@@ -127,11 +175,13 @@ impl Client {
     /// [`DeviceError::Timeout`] without an answer, [`DeviceError::Version`] with a wrong one, and what the transport says.
     pub fn connect(transport: Box<dyn Transport>, options: Options) -> Result<Client, DeviceError> {
         let name = transport.name().to_owned();
-        let waker = transport.waker();
+        let current = Arc::new(Mutex::new(transport.waker()));
+        let under_way = Arc::clone(&current);
+        let waker = Waker::new(move || under_way.lock().unwrap_or_else(PoisonError::into_inner).wake());
         let snapshot = Arc::new(Mutex::new(Snapshot::default()));
         let (requests, inbox) = sync_channel(REQUESTS);
         let (ready, connected) = sync_channel(1);
-        let worker = Worker::new(transport, options, inbox, Arc::clone(&snapshot), ready);
+        let worker = Worker::new(transport, options, inbox, Arc::clone(&snapshot), ready, current);
         let thread = std::thread::Builder::new()
             .name("gonio-stage".into())
             .spawn(move || worker.run())
@@ -185,9 +235,13 @@ impl Client {
 
     /// How the link has been doing.
     pub fn statistics(&self) -> LinkStatistics {
-        let snapshot = self.snapshot();
-        let silent_for = snapshot.heard.map_or(Duration::ZERO, |at| at.elapsed());
-        LinkStatistics { silent_for, ..snapshot.statistics }
+        self.snapshot().statistics()
+    }
+
+    /// The same for those who watch while somebody else uses the client.
+    #[must_use]
+    pub fn watch(&self) -> LinkWatch {
+        LinkWatch(Arc::clone(&self.snapshot))
     }
 
     /// The port as the user named it.

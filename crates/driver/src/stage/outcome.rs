@@ -29,7 +29,10 @@ pub fn fault_error(fault: Fault) -> DeviceError {
         Fault::OverTemperature { .. } => "let the lamp cool and see to its fan, then re-arm",
         Fault::EmergencyStop => "re-arm when it is safe; the lamp has to warm up again",
     };
-    DeviceError::Fault { fault: describe_fault(fault), advice: advice.to_owned() }
+    let (passes, fault) =
+        (matches!(fault, Fault::InterlockOpen | Fault::OverTemperature { .. }), describe_fault(fault));
+    let advice = advice.to_owned();
+    if passes { DeviceError::Suspended { fault, advice } } else { DeviceError::Fault { fault, advice } }
 }
 
 /// A fault in words.
@@ -47,9 +50,8 @@ pub fn describe_fault(fault: Fault) -> String {
 
 /// The error of a command that a restart of the device has ended.
 pub(super) fn restarted_error(boot: u32) -> DeviceError {
-    DeviceError::Fault {
-        fault: format!("a restart (start number {boot}); positions are void"),
-        advice: "see to its power supply, then home and go on".to_owned(),
+    DeviceError::PositionsVoid {
+        why: format!("has restarted (start number {boot}); see to its power supply"),
     }
 }
 

@@ -1,8 +1,9 @@
 //! The device thread: the only place that touches transport and protocol.
 
 use super::outcome::{describe_command, restarted_error, result_of};
+use super::returning::{Checked, Returning};
 use super::{Direction, Options, Snapshot, StageEvent};
-use crate::transport::Transport;
+use crate::transport::{Transport, Waker};
 use gonio_instrument::{DeviceError, LinkStatistics, StageIdentity};
 use gonio_protocol::hello::{Hello, Version};
 use gonio_protocol::host::{Host, HostEvent};
@@ -18,6 +19,9 @@ use std::time::{Duration, Instant};
 const LONGEST_WAIT: Duration = Duration::from_millis(50);
 /// How long a dropped client tries to make the device safe.
 const FAREWELL: Duration = Duration::from_millis(1500);
+
+/// How often a port that hung up is looked for.
+const LOOK_AGAIN: Duration = Duration::from_millis(20);
 
 /// Told the end of a command.
 pub(super) type Done = Box<dyn FnOnce(Result<Outcome, DeviceError>) + Send>;
@@ -48,6 +52,10 @@ pub(super) struct Worker {
     outstanding: BTreeMap<u32, Outstanding>,
     /// The silence has been told.
     silent: bool,
+    /// Wakes the transport under way, whichever that is.
+    waker: Arc<Mutex<Waker>>,
+    /// The port is back and the device not yet checked: commands wait.
+    returning: Option<Returning>,
 }
 
 impl Worker {
@@ -57,6 +65,7 @@ impl Worker {
         inbox: Receiver<Request>,
         snapshot: Arc<Mutex<Snapshot>>,
         ready: SyncSender<Result<(), DeviceError>>,
+        waker: Arc<Mutex<Waker>>,
     ) -> Worker {
         // Ids that no other run of the program has: the standard library's hash keys are random.
         let random = RandomState::new().hash_one(std::process::id());
@@ -72,6 +81,8 @@ impl Worker {
             next_id: 0,
             outstanding: BTreeMap::new(),
             silent: false,
+            waker,
+            returning: None,
         }
     }
 
@@ -93,7 +104,9 @@ impl Worker {
             if !self.take_requests() {
                 return self.farewell();
             }
-            self.step(LONGEST_WAIT)?;
+            if let Err(error) = self.step(LONGEST_WAIT) {
+                self.find_again(error)?;
+            }
             if self.ready.is_some() && self.start.elapsed() >= self.options.connect_timeout {
                 return Err(DeviceError::Timeout {
                     device: self.transport.name().to_owned(),
@@ -147,7 +160,64 @@ impl Worker {
         }
     }
 
+    /// A port that hung up is looked for until it is back or patience ends; commands wait meanwhile, and go out again with their old
+    /// ids once the device has been found to be the same, and to stand where it stood.
+    fn find_again(&mut self, error: DeviceError) -> Result<(), DeviceError> {
+        let lost = matches!(error, DeviceError::Gone { .. } | DeviceError::Io { .. });
+        let Some(reopen) = self.options.reopen.clone().filter(|_| lost && self.ready.is_none()) else {
+            return Err(error);
+        };
+        let since = Instant::now();
+        self.tell(&StageEvent::HungUp(error.clone()));
+        let telemetry = self.update(|snapshot| snapshot.telemetry.take());
+        loop {
+            if !self.take_requests() {
+                return Err(error);
+            }
+            match reopen() {
+                Ok(transport) => {
+                    *self.waker.lock().unwrap_or_else(PoisonError::into_inner) = transport.waker();
+                    self.transport = transport;
+                    break;
+                }
+                Err(_) if since.elapsed() < self.patience() => std::thread::sleep(LOOK_AGAIN),
+                // the last word is why it cannot be opened: in use, denied, absent
+                Err(why @ (DeviceError::InUse { .. } | DeviceError::Denied { .. })) => return Err(why),
+                Err(_) => return Err(error),
+            }
+        }
+        let motion = self.outstanding.values().any(|o| moves(o.command));
+        self.returning = Some(Returning::new(telemetry.map(|t| t.status), motion, since));
+        self.host.reconnect(self.now());
+        // one that hangs up again at once is looked for again at the next step
+        let _ = self.send(&[0]);
+        Ok(())
+    }
+
+    /// Whoever asks for a stop does not want to wait for the port: the device has made itself safe by its lease.
+    fn patience(&self) -> Duration {
+        let stopping = self.outstanding.values().any(|o| o.command == Command::Stop);
+        if stopping { self.options.patience.min(FAREWELL) } else { self.options.patience }
+    }
+
+    /// The first state that the device tells after the port came back.
+    fn check_return(&mut self, status: &gonio_protocol::message::Status) {
+        let Some(returning) = self.returning.take() else { return };
+        match returning.check(status) {
+            Checked::Same => {
+                self.tell(&StageEvent::Returned { away: returning.away(), position: status.position });
+            }
+            Checked::Moved(why) => {
+                self.tell(&StageEvent::Shifted { why: why.clone() });
+                self.fail_all(&DeviceError::PositionsVoid { why });
+            }
+        }
+    }
+
     fn send_commands(&mut self) {
+        if self.returning.is_some() {
+            return;
+        }
         // The oldest ones only: the device keeps replies for no more while the line is bad.
         let allowed = self.outstanding.iter_mut().take(UNANSWERED);
         for (&id, outstanding) in allowed.filter(|(_, o)| !o.sent) {
@@ -162,6 +232,13 @@ impl Worker {
         match event {
             HostEvent::Connected(hello) => {
                 let identity = identity(&hello);
+                let known = self.update(|snapshot| snapshot.identity.serial.clone());
+                if self.ready.is_none() && known != identity.serial {
+                    return Err(DeviceError::Refused {
+                        command: format!("to go on as {known}"),
+                        reason: format!("{} answers at {} now", identity.serial, self.transport.name()),
+                    });
+                }
                 self.silent = false;
                 for outstanding in self.outstanding.values_mut() {
                     outstanding.sent = false;
@@ -182,6 +259,9 @@ impl Worker {
                 });
             }
             HostEvent::Rebooted { boot } => {
+                self.returning = None;
+                // what was told before says nothing of this start, and a restart is told once
+                self.update(|snapshot| snapshot.telemetry = None);
                 self.fail_all(&restarted_error(boot));
                 self.tell(&StageEvent::Restarted { boot });
             }
@@ -197,9 +277,10 @@ impl Worker {
                 self.tell(&StageEvent::Fault { fault, uptime: Duration::from_millis(uptime_ms.into()) });
             }
             HostEvent::Telemetry(telemetry) => {
+                self.check_return(&telemetry.status);
                 self.update(|snapshot| snapshot.telemetry = Some(telemetry));
             }
-            HostEvent::EmergencyStopped { .. } => {}
+            HostEvent::EmergencyStopped { id } => self.tell(&StageEvent::EmergencyStopped { id }),
         }
         Ok(())
     }
@@ -267,8 +348,8 @@ impl Worker {
         }
     }
 
-    fn update(&self, change: impl FnOnce(&mut Snapshot)) {
-        change(&mut self.snapshot.lock().unwrap_or_else(PoisonError::into_inner));
+    fn update<T>(&self, change: impl FnOnce(&mut Snapshot) -> T) -> T {
+        change(&mut self.snapshot.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
     fn publish(&self) {
@@ -287,6 +368,9 @@ impl Worker {
                     .or(statistics.link.round_trip)
                     .unwrap_or_default(),
                 silent_for: Duration::ZERO,
+                sessions: statistics.sessions,
+                clock_offset_s: statistics.clock.map(|c| c.offset_us as f64 * 1e-6),
+                clock_error_s: statistics.clock.map(|c| c.error.as_secs_f64()),
             };
         });
     }
@@ -294,6 +378,11 @@ impl Worker {
     fn now(&self) -> Duration {
         self.start.elapsed()
     }
+}
+
+/// Whether a command changes where the axes stand.
+const fn moves(command: Command) -> bool {
+    matches!(command, Command::Home | Command::Move { .. } | Command::Stop)
 }
 
 fn identity(hello: &Hello) -> StageIdentity {

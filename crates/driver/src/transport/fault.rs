@@ -1,7 +1,8 @@
-//! A bad line: a wrapper around any transport that loses, damages, repeats, reorders and delays blocks of bytes in both directions, and hangs
-//! up; all of it drawn from a seed.
+//! A bad line: a wrapper around any transport that loses, damages, repeats, reorders and delays blocks of bytes in both directions, stalls, is
+//! open in one direction only, and hangs up; all of it drawn from a seed.
 
 use super::{Transport, Waker};
+use crate::dice::Dice;
 use gonio_instrument::DeviceError;
 use std::time::{Duration, Instant};
 
@@ -20,6 +21,10 @@ pub struct LineFaults {
     pub delay: Duration,
     /// The port hangs up after this many bytes in both directions together.
     pub hang_up_after: Option<u64>,
+    /// After this many bytes in both directions nothing passes for so long; then all of it comes.
+    pub stall: Option<(u64, Duration)>,
+    /// After this many bytes in both directions what the device says is lost for so long, while it hears.
+    pub half_open: Option<(u64, Duration)>,
 }
 
 /// A transport behind a bad line.
@@ -30,6 +35,24 @@ pub struct FaultyTransport<T> {
     down: Direction,
     up: Direction,
     bytes: u64,
+    stalled: Episode,
+    half_open: Episode,
+}
+
+/// Something that happens once, for a while.
+#[derive(Clone, Copy, Debug, Default)]
+struct Episode(Option<Instant>);
+
+impl Episode {
+    /// The end of it while it lasts; it begins once enough bytes have passed.
+    fn end(&mut self, now: Instant, bytes: u64, what: Option<(u64, Duration)>) -> Option<Instant> {
+        let (after, long) = what?;
+        if bytes < after {
+            return None;
+        }
+        let end = *self.0.get_or_insert(now + long);
+        (now < end).then_some(end)
+    }
 }
 
 #[derive(Debug)]
@@ -46,7 +69,15 @@ impl<T: Transport> FaultyTransport<T> {
     /// Puts `inner` behind a line as bad as `faults`; the same seed draws the same fate for the n-th block.
     pub fn new(inner: T, faults: LineFaults, seed: u64) -> FaultyTransport<T> {
         let direction = |seed| Direction { dice: Dice(seed), under_way: Vec::new(), held_back: None };
-        FaultyTransport { inner, faults, down: direction(seed), up: direction(!seed), bytes: 0 }
+        FaultyTransport {
+            inner,
+            faults,
+            down: direction(seed),
+            up: direction(!seed),
+            bytes: 0,
+            stalled: Episode::default(),
+            half_open: Episode::default(),
+        }
     }
 
     fn count(&mut self, bytes: usize) -> Result<(), DeviceError> {
@@ -57,7 +88,14 @@ impl<T: Transport> FaultyTransport<T> {
         Ok(())
     }
 
+    fn is_stalled(&mut self, now: Instant) -> Option<Instant> {
+        self.stalled.end(now, self.bytes, self.faults.stall)
+    }
+
     fn send_due(&mut self, now: Instant) -> Result<(), DeviceError> {
+        if self.is_stalled(now).is_some() {
+            return Ok(());
+        }
         while let Some(bytes) = self.down.take_due(now) {
             self.inner.send(&bytes)?;
         }
@@ -77,18 +115,26 @@ impl<T: Transport> Transport for FaultyTransport<T> {
     fn receive(&mut self, timeout: Duration) -> Result<Vec<u8>, DeviceError> {
         let now = Instant::now();
         self.send_due(now)?;
-        if let Some(bytes) = self.up.take_due(now) {
+        let stalled = self.is_stalled(now);
+        if stalled.is_none()
+            && let Some(bytes) = self.up.take_due(now)
+        {
             return Ok(bytes);
         }
-        let next = [self.down.next_due(), self.up.next_due()].into_iter().flatten().min();
+        let due = [self.down.next_due(), self.up.next_due()].into_iter().flatten().min();
+        let next = if stalled.is_some() { stalled } else { due };
         let wait = next.map_or(timeout, |at| at.saturating_duration_since(now).min(timeout));
         let bytes = self.inner.receive(wait)?;
         self.count(bytes.len())?;
         let now = Instant::now();
-        if !bytes.is_empty() {
+        let deaf = self.half_open.end(now, self.bytes, self.faults.half_open).is_some();
+        if !bytes.is_empty() && !deaf {
             self.up.enter(now, bytes, &self.faults);
         }
         self.send_due(now)?;
+        if self.is_stalled(now).is_some() {
+            return Ok(Vec::new());
+        }
         Ok(self.up.take_due(now).unwrap_or_default())
     }
 
@@ -145,29 +191,6 @@ impl Direction {
     }
 }
 
-/// SplitMix64 (Steele, Lea, Flood 2014): small, seeded, the same everywhere.
-#[derive(Debug)]
-struct Dice(u64);
-
-impl Dice {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    /// In [0, 1).
-    fn fraction(&mut self) -> f64 {
-        (self.next() >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    fn happens(&mut self, chance: f64) -> bool {
-        self.fraction() < chance
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::memory_pair;
@@ -206,6 +229,38 @@ mod tests {
         assert_eq!(only(LineFaults { duplication: 1.0, ..Default::default() }).len(), 200);
         let late = only(LineFaults { reorder: 0.3, ..Default::default() });
         assert!(late != all && late.len() >= 99);
+    }
+
+    #[test]
+    fn a_stall_delays_everything_and_a_half_open_line_loses_one_direction() {
+        let long = Duration::from_millis(60);
+        let (near, mut far) = memory_pair("line");
+        let faults = LineFaults { stall: Some((8, long)), ..Default::default() };
+        let mut near = FaultyTransport::new(near, faults, 1);
+        let start = Instant::now();
+        for n in 0..4u8 {
+            near.send(&[n; 4]).expect("a line");
+        }
+        let mut heard = Vec::new();
+        while heard.len() < 4 {
+            near.receive(Duration::from_millis(5)).expect("a line");
+            heard.extend(far.receive(Duration::from_millis(1)).ok().filter(|b| !b.is_empty()));
+        }
+        assert!(start.elapsed() >= long);
+        assert_eq!(heard, (0..4u8).map(|n| vec![n; 4]).collect::<Vec<_>>());
+
+        let (near, mut far) = memory_pair("line");
+        let faults = LineFaults { half_open: Some((4, long)), ..Default::default() };
+        let mut near = FaultyTransport::new(near, faults, 1);
+        near.send(&[1; 4]).expect("a line");
+        assert_eq!(far.receive(Duration::from_secs(5)), Ok(vec![1; 4]), "the device hears");
+        far.send(&[2; 4]).expect("a line");
+        let start = Instant::now();
+        while start.elapsed() < long {
+            assert_eq!(near.receive(Duration::from_millis(5)), Ok(Vec::new()), "and is not heard");
+        }
+        far.send(&[3; 4]).expect("a line");
+        assert_eq!(near.receive(Duration::from_secs(5)), Ok(vec![3; 4]), "but later");
     }
 
     #[test]

@@ -13,7 +13,7 @@ use gonio_recording::{Attachment, Clock, Devices, Direction, Header, Level, Writ
 /// A clock that is the same every time.
 pub fn options() -> WriterOptions {
     let clock = Clock::Steps { start: Duration::from_secs(1_700_000_000), step: Duration::from_millis(7) };
-    WriterOptions { overwrite: false, clock }
+    WriterOptions { clock, ..WriterOptions::default() }
 }
 
 /// A header with every part.

@@ -4,7 +4,7 @@ pub mod memory;
 pub mod pty;
 
 pub use memory::{Line, serve_memory};
-pub use pty::{PtyError, serve_pty};
+pub use pty::{PortName, Pty, PtyError, serve_pty};
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -20,6 +20,11 @@ pub struct Served {
 impl Served {
     fn new(stop: Arc<AtomicBool>, thread: JoinHandle<()>) -> Served {
         Served { stop, thread: Some(thread) }
+    }
+
+    /// The thread has not ended.
+    fn is_running(&self) -> bool {
+        self.thread.as_ref().is_some_and(|t| !t.is_finished())
     }
 
     /// Ends the thread and waits for it, as if the cable were pulled.

@@ -3,6 +3,10 @@
 //! Pixel → image point → undistorted ray → mirror point M → reflected ray. The ray that leaves the mirror towards the
 //! sample is reversed to give the direction from the sample to the camera's eye, lab frame.
 
+mod inverse;
+
+pub use inverse::Image;
+
 use gonio_instrument::{Description, Misalignment};
 use gonio_optics::{Angle, Rotation, Vec3};
 
@@ -53,7 +57,12 @@ impl Optics {
     #[must_use]
     pub fn new(description: &Description) -> Self {
         let nominal = Misalignment::default();
-        let m = description.calibration.as_ref().unwrap_or(&nominal);
+        Self::with(description, description.calibration.as_ref().unwrap_or(&nominal))
+    }
+
+    /// The optics of a description with the departures `m` in place of what its calibration found.
+    #[must_use]
+    pub fn with(description: &Description, m: &Misalignment) -> Self {
         let camera = &description.camera;
         let look = Vec3::from(camera.look).normalized();
         // `up` made normal to the axis; columns grow along `right`, rows along `down`

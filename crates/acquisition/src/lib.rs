@@ -15,6 +15,7 @@ pub mod engine;
 pub mod error;
 pub mod fill;
 pub mod footprint;
+pub mod geometry;
 pub mod holder;
 pub mod journal;
 mod local_fit;

@@ -20,6 +20,7 @@ pub mod holder;
 pub mod journal;
 mod local_fit;
 pub mod merge;
+pub mod merge_white;
 pub mod optics;
 pub mod options;
 pub mod pixel_map;

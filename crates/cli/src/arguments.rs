@@ -1,5 +1,6 @@
 //! The command line: names, flags and their help. What each does is in [`crate::commands`].
 
+pub mod calibrate;
 pub mod effect;
 
 use std::path::PathBuf;
@@ -38,6 +39,11 @@ pub enum Command {
         after_help = "Examples:\n  gonio replay S.mcap -o S.nc\n  gonio replay S.mcap --reference S.white.mcap -o again.nc --fit"
     )]
     Replay(ReplayArguments),
+    /// Find what an instrument really is, from sessions of reference samples
+    #[command(
+        after_help = "Examples:\n  gonio scan --device serial:/dev/ttyUSB0 --camera v4l:0 --instrument I.toml --kind black-glass -o flat.mcap\n  gonio scan … --kind black-glass-wedge -o wedge.mcap\n  gonio calibrate geometry flat.mcap wedge.mcap white.mcap -o I.2.toml"
+    )]
+    Calibrate(calibrate::CalibrateArguments),
     /// Check every byte of a session: 0 intact, 3 readable with loss, 1 unreadable
     #[command(after_help = "Example:\n  gonio verify S.mcap")]
     Verify {

@@ -1,5 +1,6 @@
 //! What each command does, one file each (those that watch running scans share one).
 
+pub mod calibrate;
 pub mod colormap;
 pub mod convert;
 pub mod demo;
@@ -33,6 +34,7 @@ pub fn dispatch(arguments: Arguments) -> Result<Outcome, Failure> {
         Command::Demo(a) => demo::run(&a, printer),
         Command::Scan(a) => scan::run(&a, printer),
         Command::Replay(a) => replay::run(&a, printer),
+        Command::Calibrate(a) => calibrate::run(&a, printer),
         Command::Verify { session } => session::verify(&session, printer),
         Command::Recover { session, output, force } => session::recover(&session, &output, force, printer),
         Command::Sim(a) => sim::run(&a, printer),

@@ -16,6 +16,7 @@ pub mod lobe;
 pub mod pareto;
 mod polar;
 pub mod sigma;
+pub mod spots;
 mod strip;
 pub mod unfolded;
 
@@ -28,6 +29,7 @@ pub use flake_map::FlakeMapPlot;
 pub use lobe::{Channel, Curve, Lobe, lobe};
 pub use pareto::{Pareto, ParetoPoint};
 pub use sigma::sigma;
+pub use spots::{SpotMark, SpotPlot};
 pub use unfolded::{Unfolded, brightening, unfolded};
 
 pub(crate) use axis::{Scale, short, step_up as nice_above};

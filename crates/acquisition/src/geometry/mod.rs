@@ -19,6 +19,6 @@ pub mod spots;
 pub mod verdict;
 
 pub use parameters::{Estimate, Glass, PARAMETERS};
-pub use solve::{Problem, Settings, Solution, solve};
-pub use spots::{Spot, SpotFinder};
+pub use solve::{CalibrationError, Problem, Residual, Settings, Solution, solve};
+pub use spots::{NoSpot, Spot, SpotFinder};
 pub use verdict::Verdict;

@@ -7,6 +7,7 @@ mod convergence;
 mod demo;
 mod fits;
 mod flake_scan;
+mod geometry;
 mod isolines;
 mod look_up;
 mod maps;
@@ -91,6 +92,7 @@ const GROUPS: &[Group] = &[
     ("replay", paints::replay),
     ("coat", coat::figures),
     ("flake-scan", flake_scan::figures),
+    ("geometry", geometry::figures),
     ("isolines", isolines::figures),
     ("flake-maps", maps::figures),
     ("look-up-speed", look_up::figures),

@@ -5,7 +5,7 @@
 //! spin axis as well, so that the same mask serves every spin.
 
 use gonio_instrument::Description;
-use gonio_optics::{Angle, Vec3};
+use gonio_optics::{Angle, Rotation, Vec3};
 
 use crate::optics::Optics;
 
@@ -66,7 +66,15 @@ impl Holder {
     pub fn new(description: &Description, optics: &Optics, tilt_read_back: Angle) -> Self {
         let h = &description.holder;
         let n = optics.normal(tilt_read_back);
-        let shaft_axis = Vec3::from(h.shaft.direction).normalized();
+        // the shaft turns with the tilt axis that carries it
+        let (nominal, found) = (h.tilt_axis(), optics.tilt_axis());
+        let across = nominal.cross(found);
+        let lean = if across.norm() > 0.0 {
+            Rotation::from_vector(across.normalized() * nominal.angle_to(found).radians())
+        } else {
+            Rotation::IDENTITY
+        };
+        let shaft_axis = lean.apply(Vec3::from(h.shaft.direction).normalized());
         let camera = &description.camera;
         // pupil radius, and a pixel at the distance of the sample
         let margin = 0.5 * camera.pupil_diameter_mm

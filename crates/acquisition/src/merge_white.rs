@@ -71,6 +71,8 @@ impl Merger {
                 greens[channel] += 0.25 * beside.iter().map(|&q| rate(q)).sum::<f64>();
             }
         }
-        [0, 1, 2].map(|c: usize| if c == 1 || greens[c] <= 0.0 || sums[c] <= 0.0 { 1.0 } else { sums[c] / greens[c] })
+        [0, 1, 2].map(
+            |c: usize| if c == 1 || greens[c] <= 0.0 || sums[c] <= 0.0 { 1.0 } else { sums[c] / greens[c] },
+        )
     }
 }

@@ -53,9 +53,13 @@ impl Reducer {
         map: Arc<PixelMap>,
         white: WhiteReference,
         sample: SampleRecord,
-        options: Options,
+        mut options: Options,
     ) -> Result<Self, AcquisitionError> {
         options.check()?;
+        // directions are no better than the calibration says
+        if let Some(record) = &map.description().calibration_record {
+            options.angle_uncertainty_deg = options.angle_uncertainty_deg.max(record.direction_deg());
+        }
         let pixels = map.width() * map.height();
         Ok(Self {
             sensor: Sensor::new(&map.description().camera, options.saturation, &options.linearity),

@@ -116,9 +116,7 @@ fn curve(thing: Thing, optics: &Optics, d: &Description, points: usize) -> Vec<[
             .collect(),
         Thing::Horizon(pose) => {
             let (p, q) = optics.normal(pose.tilt).orthonormal_basis();
-            (0..points)
-                .filter_map(|k| optics.pixel(p * turn(k).cos() + q * turn(k).sin()))
-                .collect()
+            (0..points).filter_map(|k| optics.pixel(p * turn(k).cos() + q * turn(k).sin())).collect()
         }
         Thing::LampOpening | Thing::ShaftOpening => {
             let axis = if thing == Thing::LampOpening {
@@ -153,12 +151,9 @@ pub fn find(map: &PixelMap, merged: &MergedPose, pose: Pose, gains: [f64; 3]) ->
     let (optics, d) = (map.optics(), map.description());
     let visibility = map.visibility(pose);
     let mut out = Vec::new();
-    for (thing, points) in [
-        (Thing::Rim, 240),
-        (Thing::LampOpening, 16),
-        (Thing::ShaftOpening, 16),
-        (Thing::Horizon(pose), 90),
-    ] {
+    for (thing, points) in
+        [(Thing::Rim, 240), (Thing::LampOpening, 16), (Thing::ShaftOpening, 16), (Thing::Horizon(pose), 90)]
+    {
         for at in curve(thing, optics, d, points) {
             let g = |u: f64, v: f64| level(thing, optics, d, u, v);
             let Some((_, slope)) = with_slope(&g, at) else { continue };
@@ -201,12 +196,9 @@ pub fn find(map: &PixelMap, merged: &MergedPose, pose: Pose, gains: [f64; 3]) ->
 pub fn wanted(map: &PixelMap, pose: Pose) -> Vec<bool> {
     let (optics, d) = (map.optics(), map.description());
     let mut out = vec![false; map.width() * map.height()];
-    for (thing, points) in [
-        (Thing::Rim, 240),
-        (Thing::LampOpening, 16),
-        (Thing::ShaftOpening, 16),
-        (Thing::Horizon(pose), 90),
-    ] {
+    for (thing, points) in
+        [(Thing::Rim, 240), (Thing::LampOpening, 16), (Thing::ShaftOpening, 16), (Thing::Horizon(pose), 90)]
+    {
         let reach = if matches!(thing, Thing::Horizon(_)) { 20 } else { 9 };
         for at in curve(thing, optics, d, points) {
             for dy in -reach..=reach {
@@ -237,7 +229,9 @@ fn around(
 ) -> Vec<(usize, f64, f64, f64)> {
     let reach = low.abs().max(high.abs()) + ALONG_PX + 1.0;
     let mut out = Vec::new();
-    let range = |c: f64, n: usize| (c - reach).floor().max(0.0) as usize..((c + reach).ceil().max(0.0) as usize).min(n);
+    let range = |c: f64, n: usize| {
+        (c - reach).floor().max(0.0) as usize..((c + reach).ceil().max(0.0) as usize).min(n)
+    };
     for y in range(at[1], map.height()) {
         for x in range(at[0], map.width()) {
             let (dx, dy) = (x as f64 + 0.5 - at[0], y as f64 + 0.5 - at[1]);
@@ -338,9 +332,7 @@ fn horizon(
     let mut n = nalgebra::Matrix2::<f64>::zeros();
     let mut r = nalgebra::Vector2::<f64>::zeros();
     let mut kept = Vec::new();
-    for (p, s, value, variance) in
-        around(map, merged, at, normal, gains, [-HORIZON_PX[1], -HORIZON_PX[0]])
-    {
+    for (p, s, value, variance) in around(map, merged, at, normal, gains, [-HORIZON_PX[1], -HORIZON_PX[0]]) {
         let v = sample_from_lab.apply(map.direction(p));
         let (column, row) = ((p % map.width()) as f64 + 0.5, (p / map.width()) as f64 + 0.5);
         let lit = lit_share_at(map.place_mm(p, &sample_from_lab), map.footprint_mm(p), spot_mm, cos_i, v);

@@ -35,7 +35,13 @@ pub fn mirror_direction(optics: &Optics, glass: &Glass, kind: ScanKind, pose: Po
 
 /// The lamp's mirror image on the sensor; `None` where there is none.
 #[must_use]
-pub fn spot(optics: &Optics, glass: &Glass, kind: ScanKind, pose: Pose, lamp_half_angle: Angle) -> Option<Image> {
+pub fn spot(
+    optics: &Optics,
+    glass: &Glass,
+    kind: ScanKind,
+    pose: Pose,
+    lamp_half_angle: Angle,
+) -> Option<Image> {
     optics.image(mirror_direction(optics, glass, kind, pose)?, lamp_half_angle.radians())
 }
 
@@ -98,7 +104,11 @@ mod tests {
                 for k in 0..COUNT {
                     let best = (4.0 * fine[axis][k] - coarse[axis][k]) / 3.0;
                     let off = (used[axis][k] - best).abs();
-                    assert!(off < 2e-5 * (1.0 + best.abs()), "{kind:?} {}: {off:e} of {best}", PARAMETERS[k].name);
+                    assert!(
+                        off < 2e-5 * (1.0 + best.abs()),
+                        "{kind:?} {}: {off:e} of {best}",
+                        PARAMETERS[k].name
+                    );
                 }
             }
         }
@@ -109,7 +119,8 @@ mod tests {
         let d = builtin::description("reference").expect("known").expect("readable");
         let optics = Optics::new(&d);
         let glass = Glass { wedge_deg: 20.0, wedge_azimuth_deg: 40.0, ..Glass::default() };
-        let n = |spin| glass_normal(&optics, &glass, ScanKind::BlackGlassWedge, Pose::from_degrees(30.0, spin));
+        let n =
+            |spin| glass_normal(&optics, &glass, ScanKind::BlackGlassWedge, Pose::from_degrees(30.0, spin));
         let axis = optics.normal(Angle::from_degrees(30.0));
         for spin in [0.0, 90.0, 200.0] {
             assert!((n(spin).angle_to(axis).degrees() - 20.0).abs() < 1e-9);

@@ -30,7 +30,8 @@ pub fn calibrated(
         .flat_map(|i| (0..=i).map(move |j| (i, j)))
         .map(|(i, j)| solution.covariance[(i, j)] * PARAMETERS[i].tolerance * PARAMETERS[j].tolerance)
         .collect();
-    let used = |edge: bool| solution.residuals.iter().filter(|r| !r.rejected && r.edge == edge).count() as u32;
+    let used =
+        |edge: bool| solution.residuals.iter().filter(|r| !r.rejected && r.edge == edge).count() as u32;
     let mut out = description.clone();
     out.calibration = Some(Misalignment {
         tilt_repeatability_deg: settings.tilt_repeatability_deg,

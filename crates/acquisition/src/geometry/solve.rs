@@ -64,7 +64,9 @@ pub enum CalibrationError {
         needed: usize,
     },
     /// The equations have no solution.
-    #[error("the normal equations of the calibration are singular or not finite; the description is far from the instrument: check mirror, camera and lamp in it")]
+    #[error(
+        "the normal equations of the calibration are singular or not finite; the description is far from the instrument: check mirror, camera and lamp in it"
+    )]
     Singular,
 }
 
@@ -219,15 +221,13 @@ fn start(problem: &Problem) -> Row {
     let instrument = problem.description.calibration.clone().unwrap_or_default();
     let mut best = Estimate { instrument, ..Estimate::default() };
     let optics = Optics::with(&problem.description, &best.instrument);
-    let wedge: Vec<&Spot> =
-        problem.spots.iter().filter(|s| s.kind == ScanKind::BlackGlassWedge).collect();
+    let wedge: Vec<&Spot> = problem.spots.iter().filter(|s| s.kind == ScanKind::BlackGlassWedge).collect();
     if wedge.is_empty() {
         return best.to_row();
     }
     let alpha = problem.description.lamp.half_angle();
-    let candidates: Vec<(f64, f64)> = (0..5)
-        .flat_map(|a| (0..36).map(move |k| (17.5 + 2.0 * f64::from(a), 10.0 * f64::from(k))))
-        .collect();
+    let candidates: Vec<(f64, f64)> =
+        (0..5).flat_map(|a| (0..36).map(move |k| (17.5 + 2.0 * f64::from(a), 10.0 * f64::from(k)))).collect();
     let off = |&(angle, azimuth): &(f64, f64)| -> f64 {
         let mut glass = best.glass;
         (glass.wedge_deg, glass.wedge_azimuth_deg) = (angle, azimuth);
@@ -278,7 +278,12 @@ impl Observation {
     }
 }
 
-fn observations(problem: &Problem, settings: &Settings, row: &Row, coarse_px: f64) -> Vec<Option<Observation>> {
+fn observations(
+    problem: &Problem,
+    settings: &Settings,
+    row: &Row,
+    coarse_px: f64,
+) -> Vec<Option<Observation>> {
     let d = &problem.description;
     let estimate = Estimate::from_row(row);
     let optics = Optics::with(d, &estimate.instrument);

@@ -45,10 +45,14 @@ pub struct Spot {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum NoSpot {
     /// Nothing brighter than noise: the mirror image falls outside the picture, into an opening or behind the holder.
-    #[error("nothing is brighter than the noise: the lamp's image falls outside the picture, into an opening or behind the holder")]
+    #[error(
+        "nothing is brighter than the noise: the lamp's image falls outside the picture, into an opening or behind the holder"
+    )]
     Dark,
     /// Too near to the picture's border, the mirror's rim or an opening.
-    #[error("the lamp's image at ({column:.0}, {row:.0}) is cut by the picture's border, the mirror's rim or an opening")]
+    #[error(
+        "the lamp's image at ({column:.0}, {row:.0}) is cut by the picture's border, the mirror's rim or an opening"
+    )]
     Cut {
         /// Column.
         column: f64,
@@ -56,7 +60,9 @@ pub enum NoSpot {
         row: f64,
     },
     /// It does not look like the lamp.
-    #[error("what shines at ({column:.0}, {row:.0}) is not the lamp's image: it departs from it by {percent:.0} % of its level")]
+    #[error(
+        "what shines at ({column:.0}, {row:.0}) is not the lamp's image: it departs from it by {percent:.0} % of its level"
+    )]
     Misfit {
         /// Column.
         column: f64,
@@ -66,7 +72,9 @@ pub enum NoSpot {
         percent: f64,
     },
     /// Too few pixels that are not saturated.
-    #[error("the lamp's image at ({column:.0}, {row:.0}) is saturated in every exposure; scan with shorter exposures or a dimmer lamp")]
+    #[error(
+        "the lamp's image at ({column:.0}, {row:.0}) is saturated in every exposure; scan with shorter exposures or a dimmer lamp"
+    )]
     Saturated {
         /// Column.
         column: f64,
@@ -85,6 +93,11 @@ const DETECTED: f64 = 12.0;
 const EDGE_ERROR: f64 = 0.02;
 /// Largest root mean square residual over the level.
 const MOST_MISFIT: f64 = 0.12;
+
+/// Most steps of a fit.
+const MOST_TURNS: usize = 40;
+/// A centre that moves less has arrived, pixels.
+const ARRIVED_PX: f64 = 1e-4;
 
 /// Finds the spots of one session, pose by pose.
 pub struct SpotFinder {
@@ -218,7 +231,7 @@ impl SpotFinder {
         let (w, h) = (self.map.width(), self.map.height());
         let mut e = start;
         let cut = |e: &Ellipse| NoSpot::Cut { column: e.centre[0], row: e.centre[1] };
-        for turn in 0..12 {
+        for turn in 0..MOST_TURNS {
             // the half axes follow the centre while it still moves
             if turn < 4 {
                 e = self.image_at(e.centre).ok_or_else(|| cut(&e))?;
@@ -229,13 +242,14 @@ impl SpotFinder {
             }
             let step = self.step(pixels, &e, &window)?;
             let size = step.shift[0].hypot(step.shift[1]);
-            let limit = (2.0 / size).min(1.0);
+            // an image hardly wider than a pixel may jump to and fro over its neighbours' edges
+            let limit = (2.0 / size).min(if turn < 10 { 1.0 } else { 0.5 });
             e.centre = [0, 1].map(|k| e.centre[k] + limit * step.shift[k]);
             let away = (e.centre[0] - start.centre[0]).hypot(e.centre[1] - start.centre[1]);
             if !away.is_finite() || away > 8.0 {
                 break;
             }
-            if turn >= 4 && size < 1e-5 {
+            if turn >= 4 && size < ARRIVED_PX {
                 return if step.fitted.misfit > MOST_MISFIT {
                     let percent = 100.0 * step.fitted.misfit;
                     Err(NoSpot::Misfit { column: e.centre[0], row: e.centre[1], percent })
@@ -284,9 +298,7 @@ impl SpotFinder {
                 continue;
             }
             let channel = self.map.channel(p);
-            let gain = self.gains[channel]
-                * self.sheen(x as f64 + 0.5, y as f64 + 0.5)
-                / centre_sheen;
+            let gain = self.gains[channel] * self.sheen(x as f64 + 0.5, y as f64 + 0.5) / centre_sheen;
             let [a, b, c, d] = [0, 1, 2, 3].map(|k: usize| shifted[k].coverage(x, y));
             data.push(Datum {
                 value: f64::from(m.rate),
@@ -313,7 +325,11 @@ impl SpotFinder {
         let mut normal = Matrix4::<f64>::zeros();
         let mut right = Vector4::<f64>::zeros();
         let mut chi2 = 0.0;
-        let solve = |background: f64, level: f64, normal: &mut Matrix4<f64>, right: &mut Vector4<f64>, chi2: &mut f64| {
+        let solve = |background: f64,
+                     level: f64,
+                     normal: &mut Matrix4<f64>,
+                     right: &mut Vector4<f64>,
+                     chi2: &mut f64| {
             *normal = Matrix4::zeros();
             *right = Vector4::zeros();
             *chi2 = 0.0;
@@ -341,8 +357,10 @@ impl SpotFinder {
         let (mut sum, mut n) = (0.0, 0.0);
         let mut channels = [[0.0; 2]; 3];
         for d in &data {
-            let model = d.gain * (d.share + d.slope[0] * (after.centre[0] - e.centre[0])
-                + d.slope[1] * (after.centre[1] - e.centre[1]));
+            let model = d.gain
+                * (d.share
+                    + d.slope[0] * (after.centre[0] - e.centre[0])
+                    + d.slope[1] * (after.centre[1] - e.centre[1]));
             let r = d.value - background - level * model;
             sum += r * r;
             n += 1.0;
@@ -356,7 +374,12 @@ impl SpotFinder {
         let sigma_px = (0.5 * (inverse[(0, 0)] + inverse[(1, 1)]) * scale).sqrt();
         Ok(Step {
             shift: [s[0], s[1]],
-            fitted: Fitted { sigma_px, level, misfit: (sum / covered).sqrt() / level.abs().max(1e-300), channels },
+            fitted: Fitted {
+                sigma_px,
+                level,
+                misfit: (sum / covered).sqrt() / level.abs().max(1e-300),
+                channels,
+            },
         })
     }
 }

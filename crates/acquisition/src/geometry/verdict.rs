@@ -158,7 +158,12 @@ fn words(direction: &DVector<f64>) -> String {
 }
 
 /// The poses of black glass, flat or on the wedge, that would tell most about a direction.
-fn helpful(description: &Description, row: &Row, direction: &DVector<f64>, settings: &Settings) -> Vec<String> {
+fn helpful(
+    description: &Description,
+    row: &Row,
+    direction: &DVector<f64>,
+    settings: &Settings,
+) -> Vec<String> {
     let alpha = description.lamp.half_angle();
     let [low, high] = description.holder.tilt_limits_deg;
     let mut row = *row;
@@ -171,12 +176,14 @@ fn helpful(description: &Description, row: &Row, direction: &DVector<f64>, setti
     let [w, h] = description.camera.size.map(f64::from);
     let mut gains = Vec::new();
     for kind in [ScanKind::BlackGlass, ScanKind::BlackGlassWedge] {
-        let spins: &[f64] = if kind == ScanKind::BlackGlass { &[0.0] } else { &[0.0, 60.0, 120.0, 180.0, 240.0, 300.0] };
+        let spins: &[f64] =
+            if kind == ScanKind::BlackGlass { &[0.0] } else { &[0.0, 60.0, 120.0, 180.0, 240.0, 300.0] };
         for tilt in [0.0, 15.0, 30.0, 45.0, 60.0, 75.0].into_iter().filter(|t| (low..=high).contains(t)) {
             for &spin in spins {
                 let pose = Pose::from_degrees(tilt, spin);
-                let seen = spot(&optics, &glass, kind, pose, alpha)
-                    .is_some_and(|i| (0.0..w).contains(&i.centre_px[0]) && (0.0..h).contains(&i.centre_px[1]));
+                let seen = spot(&optics, &glass, kind, pose, alpha).is_some_and(|i| {
+                    (0.0..w).contains(&i.centre_px[0]) && (0.0..h).contains(&i.centre_px[1])
+                });
                 if !seen {
                     continue;
                 }

@@ -107,9 +107,8 @@ impl Optics {
             (hu[0] * jv[1] + ju[0] * hv[1] - hu[1] * jv[0] - ju[1] * hv[0]) / det,
             (hu[1] * jv[1] + ju[0] * hv[2] - hu[2] * jv[0] - ju[1] * hv[1]) / det,
         ];
-        let shift = |j: [f64; 2], h: [f64; 3]| {
-            0.125 * (h[0] + h[2]) + 0.25 * (j[0] * grow[0] + j[1] * grow[1])
-        };
+        let shift =
+            |j: [f64; 2], h: [f64; 3]| 0.125 * (h[0] + h[2]) + 0.25 * (j[0] * grow[0] + j[1] * grow[1]);
         Some(Image {
             centre_px: centre,
             centroid_px: [centre[0] + shift(ju, hu), centre[1] + shift(jv, hv)],

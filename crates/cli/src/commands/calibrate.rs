@@ -27,6 +27,9 @@ pub fn run(a: &CalibrateArguments, printer: Printer) -> Result<Outcome, Failure>
     }
 }
 
+/// Channels are taken as equally sensitive within this, relative.
+const EQUAL_CHANNELS: f64 = 0.02;
+
 /// What a geometric calibration gave.
 pub struct Calibrated {
     /// The description with the calibration in it.
@@ -51,15 +54,18 @@ pub fn geometry(a: &GeometryArguments, printer: Printer) -> Result<Outcome, Fail
     check_apart(&a.output, &inputs)?;
     for path in [&a.output, &picture] {
         check_free(path, false).map_err(|e| match e {
-            Failure::Usage(text) => Failure::Usage(text.replace(
-                " or say --force",
-                ": calibrations are kept side by side, sessions refer to them",
-            )),
+            Failure::Usage(text) => {
+                Failure::Usage(text.replace(
+                    " or say --force",
+                    ": calibrations are kept side by side, sessions refer to them",
+                ))
+            }
             other => other,
         })?;
     }
     let c = calibrate(a)?;
-    let text = c.description.to_toml().map_err(|e| Failure::failed("the description cannot be written", e))?;
+    let text =
+        c.description.to_toml().map_err(|e| Failure::failed("the description cannot be written", e))?;
     write_whole(&a.output, text.as_bytes())?;
     write_whole(&picture, &draw(&c).to_png().map_err(|e| Failure::failed("the picture cannot be made", e))?)?;
     printer.result(&words(&c, &a.output, &picture), &to_json(&c, &a.output, &picture));
@@ -119,15 +125,14 @@ pub fn calibrate(a: &GeometryArguments) -> Result<Calibrated, Failure> {
     let (first, mut without_spot) = find_spots(&sessions, &map, a.index, [1.0; 3], &mut lost)?;
     let mut problem = Problem { description: description.clone(), spots: first, edges: Vec::new() };
     let mut solution = geometry::solve(&problem, &settings).map_err(failed)?;
-    // once more with the optics found: the shape of the image, channels' sensitivities, and edges near enough to be sought
-    let found = Description { calibration: Some(solution.estimate.instrument.clone()), ..description.clone() };
+    // with the optics found edges are near enough to be sought; spots are fitted again where the channels' sensitivities differ
+    let found =
+        Description { calibration: Some(solution.estimate.instrument.clone()), ..description.clone() };
     let map = Arc::new(PixelMap::new(&found));
     let gains = spots::channel_gains(&problem.spots);
-    let mut again = Vec::new();
-    (problem.spots, without_spot) = {
-        let (s, w) = find_spots(&sessions, &map, a.index, gains, &mut again)?;
-        (s, if w.is_empty() { without_spot } else { w })
-    };
+    if gains.iter().any(|g| (g - 1.0).abs() > EQUAL_CHANNELS) {
+        (problem.spots, without_spot) = find_spots(&sessions, &map, a.index, gains, &mut Vec::new())?;
+    }
     problem.edges = find_edges(&sessions, &map, &mut lost)?;
     problem.description.calibration = found.calibration;
     solution = geometry::solve(&problem, &settings).map_err(failed)?;
@@ -260,7 +265,8 @@ fn words(c: &Calibrated, output: &Path, picture: &Path) -> String {
             false => format!("; what would help: {}\n", u.poses.join(", ")),
         };
     }
-    text += &format!("version {} written to {}; picture {}\n", version(c), output.display(), picture.display());
+    text +=
+        &format!("version {} written to {}; picture {}\n", version(c), output.display(), picture.display());
     text
 }
 
@@ -270,9 +276,7 @@ fn version(c: &Calibrated) -> u32 {
 
 fn to_json(c: &Calibrated, output: &Path, picture: &Path) -> Value {
     let s = &c.solution;
-    let residual = |r: &geometry::Residual| {
-        json!({ "name": r.name, "at_px": r.at_px, "off_px": r.off_px, "sigmas": r.sigmas })
-    };
+    let residual = |r: &geometry::Residual| json!({ "name": r.name, "at_px": r.at_px, "off_px": r.off_px, "sigmas": r.sigmas });
     json!({
         "output": shown(output), "picture": shown(picture), "version": version(c), "good": c.verdict.good,
         "converged": s.converged, "iterations": s.iterations, "spot_rms_px": s.rms_px, "reduced_chi2": s.reduced_chi2,

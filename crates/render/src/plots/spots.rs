@@ -45,9 +45,7 @@ impl SpotPlot {
         let mut canvas = Canvas::new(wide + 78.0, top + high + 92.0);
         title(&mut canvas, &self.title);
         let area = Area::new(58.0, top + 6.0, wide, high);
-        for (scale, vertical) in
-            [(Scale::linear(0.0, columns), false), (Scale::linear(0.0, rows), true)]
-        {
+        for (scale, vertical) in [(Scale::linear(0.0, columns), false), (Scale::linear(0.0, rows), true)] {
             for tick in scale.ticks(7) {
                 let f = scale.fraction(tick.value);
                 let Some(label) = &tick.label else { continue };

@@ -1,13 +1,16 @@
-//! Edges of known things in the picture of a white sample: the mirror's rim, its openings for lamp and shaft, and the sample's horizon (θo = 90°).
+//! Edges of known things in the picture of a white sample: the mirror's rim and its openings for lamp and shaft.
 //!
 //! Each is a curve `g(pixel) = 0` of the optics; an observed edge point is `g/|∇g|` pixels off it. They are sought across the curves of a first calibration by
-//! spots, which is within a pixel or two of the truth. Rim and openings are steps: a half-plane that covers each pixel by its exact share is fitted. Towards
-//! the horizon the lit share of a footprint falls with cos θo to nothing; divided by its known course it is a straight line, whose zero is the horizon.
+//! spots, which is within a pixel or two of the truth: a step at a constant distance from the curve, covering each pixel by its exact share, is fitted.
+//!
+//! The horizon of the sample (θo = 90°) is no such edge: what is lit is a spot of a few millimetres, and where mirror or camera stand off by more than a
+//! footprint's radius (0.4 mm) it leaves the footprint degrees before the horizon. A line through the fading light met it with errors of 1 to 4 pixels
+//! on the misaligned instrument, so it is not used.
 
 use gonio_instrument::{Description, Pose};
 use gonio_optics::Vec3;
+use nalgebra::{Matrix4, Vector4};
 
-use crate::footprint::lit_share_at;
 use crate::merge::MergedPose;
 use crate::optics::Optics;
 use crate::pixel_map::PixelMap;
@@ -21,9 +24,10 @@ pub enum Thing {
     LampOpening,
     /// The opening for the shaft.
     ShaftOpening,
-    /// The sample's horizon at a pose read back.
-    Horizon(Pose),
 }
+
+/// What is sought, and at how many points.
+const SOUGHT: [(Thing, usize); 3] = [(Thing::Rim, 240), (Thing::LampOpening, 16), (Thing::ShaftOpening, 16)];
 
 /// A point of an edge that was seen.
 #[derive(Clone, Debug, PartialEq)]
@@ -44,20 +48,15 @@ const REACH_PX: f64 = 4.0;
 const ALONG_PX: f64 = 2.5;
 /// What the step of an edge does not know (pupil, burr), pixels.
 const FLOOR_PX: f64 = 0.05;
-/// The horizon's line is fitted between these distances from it, pixels.
-const HORIZON_PX: [f64; 2] = [1.5, 14.0];
-/// A point needs this contrast over the noise of its own pixels.
-const LEAST_CONTRAST: f64 = 20.0;
 
 impl Edge {
     /// Name in words.
     #[must_use]
     pub fn name(&self) -> String {
         let what = match self.thing {
-            Thing::Rim => "rim".to_owned(),
-            Thing::LampOpening => "lamp opening".to_owned(),
-            Thing::ShaftOpening => "shaft opening".to_owned(),
-            Thing::Horizon(pose) => format!("horizon at {pose}"),
+            Thing::Rim => "rim",
+            Thing::LampOpening => "lamp opening",
+            Thing::ShaftOpening => "shaft opening",
         };
         format!("{what}, pixel ({:.0}, {:.0})", self.at_px[0], self.at_px[1])
     }
@@ -70,15 +69,9 @@ impl Edge {
         let size = slope[0].hypot(slope[1]);
         (size > 1e-12).then(|| value / size)
     }
-
-    /// Whether the tilt's repeatability moves it.
-    #[must_use]
-    pub const fn moves_with_tilt(&self) -> bool {
-        matches!(self.thing, Thing::Horizon(_))
-    }
 }
 
-/// Grows towards the dark side and vanishes on the curve. Lengths for rim and openings (over 100 mm), a cosine for the horizon.
+/// Grows towards the dark side and vanishes on the curve. A cosine for the rim, a length over 100 mm for openings.
 fn level(thing: Thing, optics: &Optics, d: &Description, u: f64, v: f64) -> Option<f64> {
     let view = optics.view(u, v)?;
     let beside = |axis: Vec3, radius: f64| {
@@ -91,7 +84,6 @@ fn level(thing: Thing, optics: &Optics, d: &Description, u: f64, v: f64) -> Opti
         Thing::ShaftOpening => {
             beside(Vec3::from(d.holder.shaft.direction).normalized(), d.holder.shaft.opening_radius_mm)
         }
-        Thing::Horizon(pose) => -view.direction.dot(optics.normal(pose.tilt)),
     })
 }
 
@@ -114,10 +106,6 @@ fn curve(thing: Thing, optics: &Optics, d: &Description, points: usize) -> Vec<[
                 optics.project(optics.mirror_point(direction))
             })
             .collect(),
-        Thing::Horizon(pose) => {
-            let (p, q) = optics.normal(pose.tilt).orthonormal_basis();
-            (0..points).filter_map(|k| optics.pixel(p * turn(k).cos() + q * turn(k).sin())).collect()
-        }
         Thing::LampOpening | Thing::ShaftOpening => {
             let axis = if thing == Thing::LampOpening {
                 optics.lamp()
@@ -151,9 +139,7 @@ pub fn find(map: &PixelMap, merged: &MergedPose, pose: Pose, gains: [f64; 3]) ->
     let (optics, d) = (map.optics(), map.description());
     let visibility = map.visibility(pose);
     let mut out = Vec::new();
-    for (thing, points) in
-        [(Thing::Rim, 240), (Thing::LampOpening, 16), (Thing::ShaftOpening, 16), (Thing::Horizon(pose), 90)]
-    {
+    for (thing, points) in SOUGHT {
         for at in curve(thing, optics, d, points) {
             let g = |u: f64, v: f64| level(thing, optics, d, u, v);
             let Some((_, slope)) = with_slope(&g, at) else { continue };
@@ -167,17 +153,14 @@ pub fn find(map: &PixelMap, merged: &MergedPose, pose: Pose, gains: [f64; 3]) ->
                 let (x, y) = (at[0] - r * normal[0], at[1] - r * normal[1]);
                 let pixel = pixel_at(map, x, y)?;
                 let cos = visibility.cos_view(pixel)?;
-                Some(matches!(thing, Thing::Horizon(_)) || cos > 0.2)
+                Some(cos > 0.2)
             };
             let bright = [4.0, 6.0, 8.0, 10.0];
             if !bright.iter().all(|&r| inside(r) == Some(true)) {
                 continue;
             }
-            let found = if matches!(thing, Thing::Horizon(_)) {
-                horizon(map, merged, pose, at, normal, gains)
-            } else {
-                step(map, merged, at, normal, gains)
-            };
+            let distance = |u: f64, v: f64| g(u, v).map(|value| value / size);
+            let found = step(&around(map, merged, at, &distance, gains), normal);
             if let Some((shift, sigma)) = found {
                 out.push(Edge {
                     thing,
@@ -191,18 +174,14 @@ pub fn find(map: &PixelMap, merged: &MergedPose, pose: Pose, gains: [f64; 3]) ->
     out
 }
 
-/// Pixels that [`find`] may read at a pose: all that show the mirror, or nearly so.
+/// Pixels that [`find`] may read.
 #[must_use]
-pub fn wanted(map: &PixelMap, pose: Pose) -> Vec<bool> {
-    let (optics, d) = (map.optics(), map.description());
+pub fn wanted(map: &PixelMap) -> Vec<bool> {
     let mut out = vec![false; map.width() * map.height()];
-    for (thing, points) in
-        [(Thing::Rim, 240), (Thing::LampOpening, 16), (Thing::ShaftOpening, 16), (Thing::Horizon(pose), 90)]
-    {
-        let reach = if matches!(thing, Thing::Horizon(_)) { 20 } else { 9 };
-        for at in curve(thing, optics, d, points) {
-            for dy in -reach..=reach {
-                for dx in -reach..=reach {
+    for (thing, points) in SOUGHT {
+        for at in curve(thing, map.optics(), map.description(), points) {
+            for dy in -9..=9 {
+                for dx in -9..=9 {
                     if let Some(p) = pixel_at(map, at[0] + f64::from(dx), at[1] + f64::from(dy)) {
                         out[p] = true;
                     }
@@ -218,31 +197,46 @@ fn pixel_at(map: &PixelMap, x: f64, y: f64) -> Option<usize> {
     within.then(|| y as usize * map.width() + x as usize)
 }
 
-/// Pixels near a point: distance along the normal, value over its channel's gain, variance.
+/// A pixel near an edge.
+struct Near {
+    /// Distance of its centre beyond the predicted curve, towards the dark side, pixels.
+    beyond: f64,
+    /// Value over its channel's gain.
+    value: f64,
+    /// Variance of that.
+    variance: f64,
+}
+
+/// Pixels near a point of a curve.
 fn around(
     map: &PixelMap,
     merged: &MergedPose,
     at: [f64; 2],
-    normal: [f64; 2],
+    distance: &dyn Fn(f64, f64) -> Option<f64>,
     gains: [f64; 3],
-    [low, high]: [f64; 2],
-) -> Vec<(usize, f64, f64, f64)> {
-    let reach = low.abs().max(high.abs()) + ALONG_PX + 1.0;
-    let mut out = Vec::new();
+) -> Vec<Near> {
+    let reach = REACH_PX + 2.0;
     let range = |c: f64, n: usize| {
         (c - reach).floor().max(0.0) as usize..((c + reach).ceil().max(0.0) as usize).min(n)
     };
+    let mut out = Vec::new();
     for y in range(at[1], map.height()) {
         for x in range(at[0], map.width()) {
-            let (dx, dy) = (x as f64 + 0.5 - at[0], y as f64 + 0.5 - at[1]);
-            let (s, t) = (dx * normal[0] + dy * normal[1], dy * normal[0] - dx * normal[1]);
             let p = y * map.width() + x;
             let m = merged.pixels[p];
-            if s < low || s > high || t.abs() > ALONG_PX || !m.is_valid() {
+            let (u, v) = (x as f64 + 0.5, y as f64 + 0.5);
+            let Some(beyond) = distance(u, v).filter(|_| m.is_valid()) else { continue };
+            // along the curve what is left of the way
+            let along2 = (u - at[0]).powi(2) + (v - at[1]).powi(2) - beyond * beyond;
+            if !(-REACH_PX - 2.0..=REACH_PX).contains(&beyond) || along2 > ALONG_PX * ALONG_PX {
                 continue;
             }
             let gain = gains[map.channel(p)];
-            out.push((p, s, f64::from(m.rate) / gain, f64::from(m.shot + m.read + m.dark) / (gain * gain)));
+            out.push(Near {
+                beyond,
+                value: f64::from(m.rate) / gain,
+                variance: f64::from(m.shot + m.read + m.dark) / (gain * gain),
+            });
         }
     }
     out
@@ -257,35 +251,28 @@ fn share(s: f64, normal: [f64; 2]) -> f64 {
     ((ramp(s + p) - ramp(s + q) - ramp(s - q) + ramp(s - p)) / (a * b)).clamp(0.0, 1.0)
 }
 
-/// A bright side, sloping linearly, that ends at a straight edge in the dark: the edge's distance from `at` along the normal, and its uncertainty.
-fn step(
-    map: &PixelMap,
-    merged: &MergedPose,
-    at: [f64; 2],
-    normal: [f64; 2],
-    gains: [f64; 3],
-) -> Option<(f64, f64)> {
-    let data = around(map, merged, at, normal, gains, [-REACH_PX - 2.0, REACH_PX]);
+/// A bright side, sloping linearly, that ends in the dark at a constant distance from the curve: that distance, and its uncertainty.
+fn step(data: &[Near], normal: [f64; 2]) -> Option<(f64, f64)> {
     if data.len() < 20 {
         return None;
     }
     let mut shift = 0.0;
     for turn in 0..20 {
         // level, slope and dark level are linear; the shift is one more column
-        let mut normal_matrix = nalgebra::Matrix4::<f64>::zeros();
-        let mut right = nalgebra::Vector4::<f64>::zeros();
-        let level = data.iter().filter(|d| d.1 < shift - 2.0).map(|d| d.2).sum::<f64>()
-            / data.iter().filter(|d| d.1 < shift - 2.0).count().max(1) as f64;
-        for &(_, s, value, variance) in &data {
+        let mut equations = Matrix4::<f64>::zeros();
+        let mut right = Vector4::<f64>::zeros();
+        let bright = || data.iter().filter(|d| d.beyond < shift - 2.0);
+        let level = bright().map(|d| d.value).sum::<f64>() / bright().count().max(1) as f64;
+        for d in data {
+            let s = d.beyond;
             let c = share(shift - s, normal);
             let slope = (share(shift - s + 1e-3, normal) - share(shift - s - 1e-3, normal)) / 2e-3;
-            let w = 1.0 / (variance + (0.01 * level).powi(2)).max(1e-300);
-            let j = nalgebra::Vector4::new(level * slope, level * c, level * c * (s - shift), level);
-            let r = value - level * c;
-            normal_matrix += j * j.transpose() * w;
-            right += j * (r * w);
+            let w = 1.0 / (d.variance + (0.01 * level).powi(2)).max(1e-300);
+            let j = Vector4::new(level * slope, level * c, level * c * (s - shift), level);
+            equations += j * j.transpose() * w;
+            right += j * ((d.value - level * c) * w);
         }
-        let inverse = normal_matrix.try_inverse()?;
+        let inverse = equations.try_inverse()?;
         let x = inverse * right;
         if !x[0].is_finite() {
             return None;
@@ -297,9 +284,9 @@ fn step(
         if x[0].abs() < 1e-4 && turn > 0 {
             let residual: f64 = data
                 .iter()
-                .map(|&(_, s, value, _)| {
-                    let c = share(shift - s, normal);
-                    (value - level * (c * (1.0 + x[1] + x[2] * (s - shift)) + x[3])).powi(2)
+                .map(|d| {
+                    let c = share(shift - d.beyond, normal);
+                    (d.value - level * (c * (1.0 + x[1] + x[2] * (d.beyond - shift)) + x[3])).powi(2)
                 })
                 .sum();
             let rms = (residual / data.len() as f64).sqrt();
@@ -307,62 +294,48 @@ fn step(
             if level <= 0.0 || rms > 0.08 * level || x[3].abs() > 0.1 {
                 return None;
             }
-            let sigma = inverse[(0, 0)].sqrt().max(rms / level * 0.3);
-            return Some((shift, sigma));
+            return Some((shift, inverse[(0, 0)].sqrt().max(0.3 * rms / level)));
         }
     }
     None
 }
 
-/// Where the light fades to nothing: the zero of a straight line through pixel values over their known course.
-fn horizon(
-    map: &PixelMap,
-    merged: &MergedPose,
-    pose: Pose,
-    at: [f64; 2],
-    normal: [f64; 2],
-    gains: [f64; 3],
-) -> Option<(f64, f64)> {
-    let (sample_from_lab, theta_i) = map.frame(pose);
-    let spot_mm = map.description().lamp.spot_radius_mm;
-    let cos_i = theta_i.cos();
-    if cos_i < 0.05 {
-        return None;
-    }
-    let mut n = nalgebra::Matrix2::<f64>::zeros();
-    let mut r = nalgebra::Vector2::<f64>::zeros();
-    let mut kept = Vec::new();
-    for (p, s, value, variance) in around(map, merged, at, normal, gains, [-HORIZON_PX[1], -HORIZON_PX[0]]) {
-        let v = sample_from_lab.apply(map.direction(p));
-        let (column, row) = ((p % map.width()) as f64 + 0.5, (p / map.width()) as f64 + 0.5);
-        let lit = lit_share_at(map.place_mm(p, &sample_from_lab), map.footprint_mm(p), spot_mm, cos_i, v);
-        // per cosine: the course that is not the straight line
-        let course = lit / v.z.max(1e-9) * map.optics().etendue(column, row);
-        if course <= 1e-6 || v.z <= 0.0 {
-            return None;
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_share_of_a_pixel_is_that_by_brute_force() {
+        for (s, turn) in [(0.0, 0.3), (0.2, 0.7), (-0.4, 1.2), (0.6, 0.785), (0.3, 0.0)] {
+            let normal = [f64::cos(turn), f64::sin(turn)];
+            let n = 400;
+            let inside = (0..n * n)
+                .filter(|k| {
+                    let at = |i: i32| (f64::from(i) + 0.5) / f64::from(n) - 0.5;
+                    at(k % n) * normal[0] + at(k / n) * normal[1] < s
+                })
+                .count();
+            let brute = inside as f64 / f64::from(n * n);
+            assert!((share(s, normal) - brute).abs() < 3e-3, "{s} {turn}: {} {brute}", share(s, normal));
         }
-        let y = value / course;
-        let w = 1.0 / (variance / (course * course) + (0.01 * y).powi(2)).max(1e-300);
-        kept.push((s, y, w));
     }
-    if kept.len() < 20 {
-        return None;
+
+    #[test]
+    fn a_step_is_found_where_it_is_and_a_plain_is_none() {
+        let normal = [0.8, 0.6];
+        let data = |edge: Option<f64>| -> Vec<Near> {
+            (-6..=4)
+                .flat_map(|i| (0..6).map(move |j| f64::from(i) + 0.17 * f64::from(j)))
+                .map(|beyond| {
+                    let c = edge.map_or(1.0, |e| share(e - beyond, normal));
+                    Near { beyond, value: 1000.0 * c * (1.0 + 0.01 * beyond), variance: 100.0 }
+                })
+                .collect()
+        };
+        for edge in [-0.7, 0.0, 0.33] {
+            let (found, sigma) = step(&data(Some(edge)), normal).expect("an edge");
+            assert!((found - edge).abs() < 0.01 && sigma < 0.05, "{edge}: {found} ± {sigma}");
+        }
+        assert!(step(&data(None), normal).is_none());
     }
-    for &(s, y, w) in &kept {
-        let j = nalgebra::Vector2::new(1.0, s);
-        n += j * j.transpose() * w;
-        r += j * (y * w);
-    }
-    let inverse = n.try_inverse()?;
-    let line = inverse * r;
-    // it must fall towards the dark side
-    if line[1] >= 0.0 || line[1].abs() < LEAST_CONTRAST * inverse[(1, 1)].sqrt() {
-        return None;
-    }
-    let zero = -line[0] / line[1];
-    let chi2: f64 = kept.iter().map(|&(s, y, w)| (y - line[0] - line[1] * s).powi(2) * w).sum();
-    let scale = (chi2 / (kept.len() as f64 - 2.0)).max(1.0);
-    let j = nalgebra::Vector2::new(1.0, zero);
-    let sigma = ((j.transpose() * inverse * j)[(0, 0)] * scale).sqrt() / line[1].abs();
-    (zero.abs() < REACH_PX && sigma < 0.5).then_some((zero, sigma))
 }

@@ -1,7 +1,7 @@
 //! Geometric calibration: where mirror, camera, lamp and axes really are, from where a black glass shows the lamp.
 //!
 //! Observations are the centroids of the lamp's mirror image ([`spots`]) on black glass, flat and on a wedge of unknown angle, spun and tilted,
-//! and edges of known things in the pictures of a white sample ([`edges`]): the mirror's rim, its openings, the sample's horizon. [`solve`] finds the
+//! and edges of known things in the pictures of a white sample ([`edges`]): the mirror's rim and its openings. [`solve`] finds the
 //! [`parameters`] by Levenberg and Marquardt with mechanical tolerances as priors, throws out outliers by name and gives the full covariance;
 //! [`verdict`] says what stays undetermined and how surely directions are known.
 //!

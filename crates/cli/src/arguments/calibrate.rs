@@ -22,7 +22,7 @@ pub enum Calibration {
 /// `gonio calibrate geometry`.
 #[derive(Debug, Args)]
 pub struct GeometryArguments {
-    /// Sessions: --kind black-glass and black-glass-wedge, and white ones for rim, openings and horizon
+    /// Sessions: --kind black-glass and black-glass-wedge, and white ones for the mirror's rim and openings
     #[arg(required = true)]
     pub sessions: Vec<PathBuf>,
     /// The description to write, with the calibration in it; a file that exists is never overwritten

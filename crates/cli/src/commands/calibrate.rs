@@ -189,6 +189,7 @@ fn find_edges(
 ) -> Result<Vec<edges::Edge>, Failure> {
     let mut out = Vec::new();
     for (path, _, session) in sessions.iter().filter(|s| s.1 == ScanKind::White) {
+        let wanted = edges::wanted(map);
         let mut merger = merge_white::Merger::new(map.clone(), &Options::default());
         for pose in session.poses() {
             let record = match pose {
@@ -198,7 +199,6 @@ fn find_edges(
                     continue;
                 }
             };
-            let wanted = edges::wanted(map, record.readback);
             match merger.add(&record, &wanted) {
                 Ok(Some((merged, gains))) => out.extend(edges::find(map, &merged, record.readback, gains)),
                 Ok(None) => {}

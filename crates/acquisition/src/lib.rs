@@ -8,6 +8,7 @@
 //! Left to others: which device stands behind `Stage` and `Camera`, how a session is written, and what is fitted to the table.
 
 pub mod bracket;
+pub mod budget;
 pub mod cells;
 pub mod coat;
 pub mod dark;

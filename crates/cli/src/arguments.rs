@@ -109,10 +109,15 @@ pub enum Command {
         force: bool,
     },
     /// Tell what any file holds
-    #[command(after_help = "Examples:\n  gonio info S.mcap\n  gonio info S.nc --json")]
+    #[command(
+        after_help = "Examples:\n  gonio info S.mcap\n  gonio info S.nc --json\n  gonio info S.nc --budget"
+    )]
     Info {
         /// The file (FILE#NAME for a network)
         file: String,
+        /// Where the uncertainty of a measured table comes from, part by part
+        #[arg(long)]
+        budget: bool,
     },
     /// Draw the pictures of a measured BRDF or a model, and a report
     #[command(after_help = "Example:\n  gonio show S.nc -o pictures")]

@@ -46,7 +46,8 @@ pub fn dispatch(arguments: Arguments) -> Result<Outcome, Failure> {
         Command::Convert { input, output, renderer, force } => {
             convert::run(&input, &output, renderer.as_deref(), force, printer)
         }
-        Command::Info { file } => info::run(&file, printer),
+        Command::Info { file, budget: true } => info::budget(&file, printer),
+        Command::Info { file, budget: false } => info::run(&file, printer),
         Command::Show(a) => show::run(&a, printer),
         Command::Status => running::status(printer),
         Command::Stop { emergency, pause, resume } => {

@@ -49,6 +49,16 @@ impl Cylinder {
     }
 }
 
+/// Standard uncertainty of the mirror's place against the holder, mm: directions hardly depend on it, shadows do.
+fn place_uncertainty_mm(description: &Description) -> f64 {
+    let record = description.calibration_record.iter();
+    record
+        .flat_map(|r| &r.parameters)
+        .filter(|p| p.name.starts_with("mirror_shift"))
+        .map(|p| p.sigma)
+        .fold(0.0, f64::max)
+}
+
 /// The holder at one pose.
 #[derive(Clone, Debug)]
 pub struct Holder {
@@ -76,8 +86,9 @@ impl Holder {
         };
         let shaft_axis = lean.apply(Vec3::from(h.shaft.direction).normalized());
         let camera = &description.camera;
-        // pupil radius, and a pixel at the distance of the sample
+        // pupil radius, a pixel at the distance of the sample, and what a calibration leaves open of where mirror and camera stand together
         let margin = 0.5 * camera.pupil_diameter_mm
+            + 2.0 * place_uncertainty_mm(description)
             + camera.pitch_um * 1e-3 / camera.f_mm * 2.0 * description.mirror.c_mm();
         let behind = |depth: f64| n * -depth;
         // the sample surface itself hides nothing above the horizon: start a hair below it

@@ -25,6 +25,11 @@ pub const WHITE_LIMIT_DEG: f64 = 77.0;
 /// Smallest lit share of a footprint at which a white pixel is trusted.
 const LEAST_LIT: f64 = 0.5;
 
+/// Side of the tiles in which a pixel's scale is held against its surroundings, pixels.
+const TILE: usize = 32;
+/// Departure from its surroundings from which on a pixel sees something else than the reference, relative.
+const STRANGE: f32 = 0.07;
+
 /// The calibration of every pixel.
 #[derive(Clone, Debug)]
 pub struct WhiteReference {
@@ -220,12 +225,80 @@ impl WhiteBuilder {
         if scale.iter().all(|k| k.is_nan()) {
             return Err(AcquisitionError::EmptyReference);
         }
+        let mut scale = scale;
+        let strangers = self.drop_pixels_that_see_something_else(&mut scale, &relative_variance);
+        let mut notes = self.notes;
+        if strangers > 0 {
+            notes.push(format!(
+                "{strangers} pixels see the reference darker or brighter than those around them by more than {} %: not used",
+                STRANGE * 100.0
+            ));
+        }
         Ok(WhiteReference {
             scale,
             relative_variance,
             certificate_uncertainty: self.certificate.relative_uncertainty,
             serial: self.certificate.serial,
-            notes: self.notes,
+            notes,
         })
+    }
+
+    /// Takes out pixels whose scale over the lens's étendue departs from the median of the same colour around them: at the edges of shadows and openings
+    /// that are not quite where the description has them, a scale too small would make the values of a sample too large. Their number.
+    fn drop_pixels_that_see_something_else(&self, scale: &mut [f32], variance: &[f32]) -> usize {
+        let (w, h, optics) = (self.map.width(), self.map.height(), self.map.optics());
+        let ratio: Vec<f32> = scale
+            .par_iter()
+            .enumerate()
+            .with_min_len(4096)
+            .map(|(p, k)| {
+                if k.is_nan() {
+                    return f32::NAN;
+                }
+                let (u, v) = ((p % w) as f64 + 0.5, (p / w) as f64 + 0.5);
+                (f64::from(*k) / optics.etendue(u, v).max(1e-9)) as f32
+            })
+            .collect();
+        let (across, down) = (w.div_ceil(TILE), h.div_ceil(TILE));
+        let strangers: Vec<Vec<usize>> = (0..across * down)
+            .into_par_iter()
+            .map(|tile| {
+                let (x0, y0) = (tile % across * TILE, tile / across * TILE);
+                // the median is taken a tile further out on each side: a shadow's edge is no majority there
+                let range = |from: usize, reach: usize, n: usize| {
+                    from.saturating_sub(reach)..(from + TILE + reach).min(n)
+                };
+                let mut around: [Vec<f32>; 3] = Default::default();
+                for y in range(y0, TILE, h) {
+                    for x in range(x0, TILE, w) {
+                        let r = ratio[y * w + x];
+                        if r.is_finite() {
+                            around[self.map.channel(y * w + x)].push(r);
+                        }
+                    }
+                }
+                let median = around.map(|mut v| {
+                    v.sort_unstable_by(f32::total_cmp);
+                    v.get(v.len() / 2).copied().unwrap_or(f32::NAN)
+                });
+                let mut out = Vec::new();
+                for y in range(y0, 0, h) {
+                    for x in range(x0, 0, w) {
+                        let p = y * w + x;
+                        let bound = STRANGE.max(5.0 * variance[p].sqrt());
+                        if (ratio[p] / median[self.map.channel(p)] - 1.0).abs() > bound {
+                            out.push(p);
+                        }
+                    }
+                }
+                out
+            })
+            .collect();
+        let mut dropped = 0;
+        for p in strangers.into_iter().flatten() {
+            scale[p] = f32::NAN;
+            dropped += 1;
+        }
+        dropped
     }
 }

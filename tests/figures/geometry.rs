@@ -1,10 +1,11 @@
 //! Geometric calibration of the misaligned virtual instrument, from scans of black glass and white through to directions.
 
 use std::path::PathBuf;
+use std::sync::LazyLock;
 
 use gonio::arguments::calibrate::GeometryArguments;
 use gonio::arguments::{CoatArguments, Kind, ScanArguments, VirtualArguments};
-use gonio::commands::calibrate::calibrate;
+use gonio::commands::calibrate::{Calibrated, calibrate};
 use gonio::commands::scan::scan;
 use gonio_acquisition::PixelMap;
 use gonio_instrument::{Cancel, Description, Misalignment, Pose, ScanKind, builtin};
@@ -72,9 +73,9 @@ fn direction_errors(description: &Description, truth: &Misalignment) -> ([f64; 3
                     v.angle_to(Vec3::Z).degrees() - sight.geometry.theta_o.degrees(),
                     light.angle_to(v).degrees() - sight.light.angle_to(sight.view).degrees(),
                 ];
-                for k in 0..3 {
-                    sum[k] += off[k] * off[k];
-                    most[k] = most[k].max(off[k].abs());
+                for ((s, m), o) in sum.iter_mut().zip(&mut most).zip(off) {
+                    *s += o * o;
+                    *m = m.max(f64::abs(o));
                 }
                 n += 1.0;
             }
@@ -87,9 +88,8 @@ fn three(v: [f64; 3]) -> String {
     format!("{:.4} / {:.4} / {:.4}", v[0], v[1], v[2])
 }
 
-/// All figures of the geometric calibration.
-pub fn figures() -> Vec<Figure> {
-    let truth = builtin::misalignment().expect("built in");
+/// The calibration of the misaligned instrument, made once.
+static CALIBRATION: LazyLock<Calibrated> = LazyLock::new(|| {
     let sessions = vec![
         session(Kind::BlackGlass, "flat.mcap"),
         session(Kind::BlackGlassWedge, "wedge.mcap"),
@@ -99,7 +99,7 @@ pub fn figures() -> Vec<Figure> {
         sessions: sessions.clone(),
         output: scans::path("calibrated.toml"),
         instrument: None,
-        repeatability_deg: truth.tilt_repeatability_deg,
+        repeatability_deg: builtin::misalignment().expect("built in").tilt_repeatability_deg,
         index: 1.567,
         picture: None,
     };
@@ -107,6 +107,18 @@ pub fn figures() -> Vec<Figure> {
     for s in sessions {
         let _ = std::fs::remove_file(s);
     }
+    c
+});
+
+/// The description that the calibration of the misaligned instrument gives.
+pub fn calibrated() -> Description {
+    CALIBRATION.description.clone()
+}
+
+/// All figures of the geometric calibration.
+pub fn figures() -> Vec<Figure> {
+    let truth = builtin::misalignment().expect("built in");
+    let c = &*CALIBRATION;
     let nominal = Description { calibration: None, calibration_record: None, ..c.description.clone() };
     let (before_rms, before_max) = direction_errors(&nominal, &truth);
     let (rms, most) = direction_errors(&c.description, &truth);

@@ -2,6 +2,8 @@
 //!
 //! `make figures` prints all of them, `make figures ONLY=cells` those of one group; the exit code is 1 on a miss.
 
+mod accuracy;
+mod bench_scan;
 mod coat;
 mod convergence;
 mod demo;
@@ -93,6 +95,8 @@ const GROUPS: &[Group] = &[
     ("coat", coat::figures),
     ("flake-scan", flake_scan::figures),
     ("geometry", geometry::figures),
+    ("accuracy", accuracy::figures),
+    ("sigma", accuracy::sigma),
     ("isolines", isolines::figures),
     ("flake-maps", maps::figures),
     ("look-up-speed", look_up::figures),

@@ -121,8 +121,8 @@ fn a_few_dozen_poses_of_black_glass_find_an_instrument_that_is_out_of_alignment(
     let after = largest_errors(&found);
     let verdict = verdict::judge(&description, &solution, &settings);
     assert!(before[1] > 0.5 && before[2] > 0.5, "{before:?}");
-    for k in 0..3 {
-        assert!(after[k] < 0.2 && after[k] < 5.0 * verdict.after.max_deg[k], "{after:?} {:?}", verdict.after);
+    for (off, stated) in after.into_iter().zip(verdict.after.max_deg) {
+        assert!(off < 0.2 && off < 5.0 * stated, "{after:?} {:?}", verdict.after);
     }
 }
 

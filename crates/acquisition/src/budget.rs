@@ -153,13 +153,13 @@ pub(crate) fn complete(table: &mut Measured) {
     let mut filling = vec![[0.0f32; 3]; table.flag.len()];
     let coat = table.sigma_parts.entry("coat".to_owned()).or_insert_with(|| vec![[0.0; 3]; rest.len()]);
     for (i, rest) in rest.iter().enumerate() {
-        for c in 0..3 {
+        for (c, rest) in rest.iter().enumerate() {
             // what rounding to single precision leaves is no part
-            let noteworthy = rest[c] > 1e-3 * table.sigma[i][c];
+            let noteworthy = *rest > 1e-3 * table.sigma[i][c];
             match table.flag[i] {
-                Flag::Measured if noteworthy => coat[i][c] = coat[i][c].hypot(rest[c]),
+                Flag::Measured if noteworthy => coat[i][c] = coat[i][c].hypot(*rest),
                 Flag::Measured | Flag::Invalid => {}
-                Flag::Filled | Flag::Extrapolated => filling[i][c] = rest[c],
+                Flag::Filled | Flag::Extrapolated => filling[i][c] = *rest,
             }
         }
     }

@@ -59,7 +59,7 @@ impl Merger {
         let (w, h) = (self.map.width(), self.map.height());
         let (mut sums, mut greens) = ([0.0; 3], [0.0; 3]);
         let rate = |p: usize| f64::from(merged.pixels[p].rate);
-        for y in (1..h.saturating_sub(1)).step_by(1) {
+        for y in 1..h.saturating_sub(1) {
             for x in 1..w.saturating_sub(1) {
                 let p = y * w + x;
                 let channel = self.map.channel(p);

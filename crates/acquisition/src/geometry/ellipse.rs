@@ -73,8 +73,8 @@ mod tests {
         }
         assert!((area / e.area() - 1.0).abs() < 2e-3, "{area} {}", e.area());
         // pixel centres stand for pixels: good to a few hundredths only, which is why centres are fitted
-        for k in 0..2 {
-            assert!((moment[k] / area - e.centre[k]).abs() < 0.05);
+        for (m, centre) in moment.iter().zip(e.centre) {
+            assert!((m / area - centre).abs() < 0.05);
         }
         assert_eq!(e.coverage(10, 8), 1.0);
         assert_eq!(e.coverage(0, 0), 0.0);

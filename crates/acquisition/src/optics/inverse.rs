@@ -216,9 +216,9 @@ mod tests {
                     }
                 }
             }
-            for k in 0..2 {
-                let brute = sum[k] / n;
-                assert!((brute - image.centroid_px[k]).abs() < 3e-3, "{u} {v}: {brute} {image:?}");
+            for (s, centroid) in sum.iter().zip(image.centroid_px) {
+                let brute = s / n;
+                assert!((brute - centroid).abs() < 3e-3, "{u} {v}: {brute} {image:?}");
             }
         }
     }

@@ -27,6 +27,8 @@ const LEAST_LIT: f64 = 0.5;
 
 /// Tiles across the sensor in which a pixel's scale is held against its surroundings.
 const TILES: usize = 40;
+/// Share of the median scale over étendue below which a pixel looks past the reference.
+const PAST: f32 = 0.25;
 /// Departure from its surroundings from which on a pixel sees something else than the reference, relative.
 const STRANGE: f32 = 0.07;
 
@@ -258,6 +260,22 @@ impl WhiteBuilder {
                 (f64::from(*k) / optics.etendue(u, v).max(1e-9)).ln() as f32
             })
             .collect();
+        let mut dropped = 0;
+        let mut ratio = ratio;
+        for channel in 0..3 {
+            let of = |p: &usize| self.map.channel(*p) == channel;
+            let mut known: Vec<f32> =
+                (0..ratio.len()).filter(of).map(|p| ratio[p]).filter(|r| !r.is_nan()).collect();
+            known.sort_unstable_by(f32::total_cmp);
+            let Some(&median) = known.get(known.len() / 2) else { continue };
+            for p in (0..ratio.len()).filter(of) {
+                // no lens darkens its corners that much beyond the law: these look past the reference
+                if ratio[p] < median + PAST.ln() {
+                    (ratio[p], scale[p]) = (f32::NAN, f32::NAN);
+                    dropped += 1;
+                }
+            }
+        }
         let tile = (w / TILES).max(4);
         let (across, down) = (w.div_ceil(tile), h.div_ceil(tile));
         let strangers: Vec<Vec<usize>> = (0..across * down)
@@ -283,7 +301,14 @@ impl WhiteBuilder {
                 for y in range(y0, 0, h) {
                     for x in range(x0, 0, w) {
                         let p = y * w + x;
-                        let Some([a, b, c]) = planes[self.map.channel(p)] else { continue };
+                        if ratio[p].is_nan() {
+                            continue;
+                        }
+                        let Some([a, b, c]) = planes[self.map.channel(p)] else {
+                            // among shadows there is nothing to hold it against
+                            out.push(p);
+                            continue;
+                        };
                         let level = a + b * (x - x0) as f64 + c * (y - y0) as f64;
                         let bound = f64::from(STRANGE.max(5.0 * variance[p].sqrt()));
                         if (f64::from(ratio[p]) - level).exp_m1().abs() > bound {
@@ -294,7 +319,6 @@ impl WhiteBuilder {
                 out
             })
             .collect();
-        let mut dropped = 0;
         for p in strangers.into_iter().flatten() {
             scale[p] = f32::NAN;
             dropped += 1;

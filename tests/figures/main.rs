@@ -2,11 +2,14 @@
 //!
 //! `make figures` prints all of them, `make figures ONLY=cells` those of one group; the exit code is 1 on a miss.
 
+mod accuracy;
+mod bench_scan;
 mod coat;
 mod convergence;
 mod demo;
 mod fits;
 mod flake_scan;
+mod geometry;
 mod isolines;
 mod look_up;
 mod maps;
@@ -94,6 +97,9 @@ const GROUPS: &[Group] = &[
     ("replay", paints::replay),
     ("coat", coat::figures),
     ("flake-scan", flake_scan::figures),
+    ("geometry", geometry::figures),
+    ("accuracy", accuracy::figures),
+    ("sigma", accuracy::sigma),
     ("isolines", isolines::figures),
     ("flake-maps", maps::figures),
     ("look-up-speed", look_up::figures),

@@ -7,6 +7,7 @@ mod effect_coatings;
 mod faulty_line;
 mod fitting;
 mod formats;
+mod geometry;
 mod going_on;
 mod golden_tables;
 mod house;

@@ -5,7 +5,7 @@
 //! spin axis as well, so that the same mask serves every spin.
 
 use gonio_instrument::Description;
-use gonio_optics::{Angle, Vec3};
+use gonio_optics::{Angle, Rotation, Vec3};
 
 use crate::optics::Optics;
 
@@ -49,6 +49,16 @@ impl Cylinder {
     }
 }
 
+/// Standard uncertainty of the mirror's place against the holder, mm: directions hardly depend on it, shadows do.
+fn place_uncertainty_mm(description: &Description) -> f64 {
+    let record = description.calibration_record.iter();
+    record
+        .flat_map(|r| &r.parameters)
+        .filter(|p| p.name.starts_with("mirror_shift"))
+        .map(|p| p.sigma)
+        .fold(0.0, f64::max)
+}
+
 /// The holder at one pose.
 #[derive(Clone, Debug)]
 pub struct Holder {
@@ -66,10 +76,19 @@ impl Holder {
     pub fn new(description: &Description, optics: &Optics, tilt_read_back: Angle) -> Self {
         let h = &description.holder;
         let n = optics.normal(tilt_read_back);
-        let shaft_axis = Vec3::from(h.shaft.direction).normalized();
+        // the shaft turns with the tilt axis that carries it
+        let (nominal, found) = (h.tilt_axis(), optics.tilt_axis());
+        let across = nominal.cross(found);
+        let lean = if across.norm() > 0.0 {
+            Rotation::from_vector(across.normalized() * nominal.angle_to(found).radians())
+        } else {
+            Rotation::IDENTITY
+        };
+        let shaft_axis = lean.apply(Vec3::from(h.shaft.direction).normalized());
         let camera = &description.camera;
-        // pupil radius, and a pixel at the distance of the sample
+        // pupil radius, a pixel at the distance of the sample, and what a calibration leaves open of where mirror and camera stand together
         let margin = 0.5 * camera.pupil_diameter_mm
+            + 2.0 * place_uncertainty_mm(description)
             + camera.pitch_um * 1e-3 / camera.f_mm * 2.0 * description.mirror.c_mm();
         let behind = |depth: f64| n * -depth;
         // the sample surface itself hides nothing above the horizon: start a hair below it

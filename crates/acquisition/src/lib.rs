@@ -8,6 +8,7 @@
 //! Left to others: which device stands behind `Stage` and `Camera`, how a session is written, and what is fitted to the table.
 
 pub mod bracket;
+pub mod budget;
 pub mod cells;
 pub mod coat;
 pub mod dark;
@@ -16,10 +17,12 @@ pub mod error;
 pub mod fill;
 pub mod footprint;
 mod frames;
+pub mod geometry;
 pub mod holder;
 pub mod journal;
 mod local_fit;
 pub mod merge;
+pub mod merge_white;
 pub mod optics;
 pub mod options;
 pub mod pixel_map;

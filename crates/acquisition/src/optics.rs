@@ -3,6 +3,10 @@
 //! Pixel → image point → undistorted ray → mirror point M → reflected ray. The ray that leaves the mirror towards the
 //! sample is reversed to give the direction from the sample to the camera's eye, lab frame.
 
+mod inverse;
+
+pub use inverse::Image;
+
 use gonio_instrument::{Description, Misalignment};
 use gonio_optics::{Angle, Rotation, Vec3};
 
@@ -53,7 +57,12 @@ impl Optics {
     #[must_use]
     pub fn new(description: &Description) -> Self {
         let nominal = Misalignment::default();
-        let m = description.calibration.as_ref().unwrap_or(&nominal);
+        Self::with(description, description.calibration.as_ref().unwrap_or(&nominal))
+    }
+
+    /// The optics of a description with the departures `m` in place of what its calibration found.
+    #[must_use]
+    pub fn with(description: &Description, m: &Misalignment) -> Self {
         let camera = &description.camera;
         let look = Vec3::from(camera.look).normalized();
         // `up` made normal to the axis; columns grow along `right`, rows along `down`
@@ -102,6 +111,32 @@ impl Optics {
     #[must_use]
     pub fn normal(&self, tilt_read_back: Angle) -> Vec3 {
         Rotation::about_axis(self.tilt_axis, tilt_read_back + self.tilt_zero).apply(self.spin_axis_at_zero)
+    }
+
+    /// The tilt to be read back at which the angle of incidence is `theta_i`; where the axes are off so far that it is never reached, the
+    /// tilt that comes nearest.
+    #[must_use]
+    pub fn tilt_for(&self, theta_i: Angle) -> Angle {
+        let at = |tilt: f64| self.normal(Angle::from_radians(tilt)).angle_to(self.lamp).radians();
+        let wanted = theta_i.radians();
+        // golden section on the distance about the nominal tilt, which is within a few degrees
+        let (mut low, mut high) = (wanted - 0.1, wanted + 0.1);
+        let off = |t: f64| (at(t) - wanted).abs();
+        const GOLDEN: f64 = 0.618_033_988_749_894_9;
+        // the smallest angle of incidence splits the tilts in two branches: the one of growing tilts is meant
+        let mut least = (low, f64::INFINITY);
+        for k in 0..=200 {
+            let t = low + (high - low) * f64::from(k) / 200.0;
+            if at(t) < least.1 {
+                least = (t, at(t));
+            }
+        }
+        low = low.max(least.0 - 2e-3);
+        while high - low > 1e-10 {
+            let (a, b) = (high - GOLDEN * (high - low), low + GOLDEN * (high - low));
+            if off(a) < off(b) { high = b } else { low = a }
+        }
+        Angle::from_radians(0.5 * (low + high))
     }
 
     /// The view of the image point (`column`, `row`) in pixels, (0, 0) being the outer corner of the first pixel.
@@ -203,6 +238,23 @@ mod tests {
         for deg in [0.0, 5.0, 45.0, 85.0] {
             let n = optics.normal(Angle::from_degrees(deg));
             assert!((n.angle_to(optics.lamp()).degrees() - deg).abs() < 1e-3);
+        }
+    }
+
+    #[test]
+    fn a_calibrated_tilt_gives_the_angle_of_incidence_or_comes_as_near_as_the_axes_allow() {
+        let mut d = reference();
+        d.calibration = Some(builtin::misalignment().expect("readable"));
+        let optics = Optics::new(&d);
+        let theta = |tilt: Angle| optics.normal(tilt).angle_to(optics.lamp()).degrees();
+        for deg in [5.0, 10.0, 45.0, 85.0] {
+            let tilt = optics.tilt_for(Angle::from_degrees(deg));
+            assert!((theta(tilt) - deg).abs() < 1e-6, "{deg}: {}", theta(tilt));
+            assert!((tilt.degrees() - deg).abs() < 2.0);
+        }
+        let nearest = optics.tilt_for(Angle::ZERO);
+        for off in [-0.2, 0.2] {
+            assert!(theta(nearest) <= theta(nearest + Angle::from_degrees(off)));
         }
     }
 

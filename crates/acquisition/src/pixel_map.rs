@@ -78,6 +78,18 @@ impl PixelMap {
         &self.description
     }
 
+    /// The optics it was traced with.
+    #[must_use]
+    pub const fn optics(&self) -> &Optics {
+        &self.optics
+    }
+
+    /// Whether a pixel looks at the mirror, clear of rim and openings.
+    #[must_use]
+    pub fn is_clear(&self, pixel: usize) -> bool {
+        self.clear[pixel]
+    }
+
     /// Columns.
     #[must_use]
     pub const fn width(&self) -> usize {

@@ -53,9 +53,13 @@ impl Reducer {
         map: Arc<PixelMap>,
         white: WhiteReference,
         sample: SampleRecord,
-        options: Options,
+        mut options: Options,
     ) -> Result<Self, AcquisitionError> {
         options.check()?;
+        // directions are no better than the calibration says
+        if let Some(record) = &map.description().calibration_record {
+            options.angle_uncertainty_deg = options.angle_uncertainty_deg.max(record.direction_deg());
+        }
         let pixels = map.width() * map.height();
         Ok(Self {
             sensor: Sensor::new(&map.description().camera, options.saturation, &options.linearity),
@@ -196,6 +200,8 @@ impl Reducer {
     #[must_use]
     pub fn snapshot(&self) -> Measured {
         let mut m = self.table(false).0;
+        // parts are for the finished table: a watcher of the scan has no use for megabytes a pose
+        m.sigma_parts.clear();
         m.attributes = self.coat_attributes();
         m
     }
@@ -204,6 +210,7 @@ impl Reducer {
     #[must_use]
     pub fn finish(&self) -> Measured {
         let (mut m, budget, measured) = self.table(self.options.fill);
+        crate::budget::complete(&mut m);
         m.attributes = self.attributes(&budget, measured);
         m
     }
@@ -311,6 +318,18 @@ impl Reducer {
         let parts: Vec<String> =
             PARTS.iter().zip(budget.relative).map(|(n, v)| format!("{n} {v:.3e}")).collect();
         put("uncertainty_budget_relative_rms", parts.join(", "));
+        put("coverage_factor", "1".to_owned());
+        let spins = self.rows.iter().map(Row::poses).filter(|n| *n > 0).min().unwrap_or(0);
+        let monitor = self.statistics.iter().map(|s| s.exposures).min().unwrap_or(0);
+        let freedom = crate::budget::degrees_of_freedom(&budget.relative, spins, monitor);
+        put(
+            "degrees_of_freedom",
+            if freedom.is_finite() { format!("{freedom:.0}") } else { "infinite".to_owned() },
+        );
+        if let Some(record) = &self.map.description().calibration_record {
+            put("calibration_version", format!("{}", record.version));
+            put("calibration_good", format!("{}", record.good));
+        }
         a
     }
 }

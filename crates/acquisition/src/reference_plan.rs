@@ -64,6 +64,22 @@ pub fn white_plan(map: &PixelMap, sample: &Plan) -> Plan {
     Plan { tilt_deg: tilts, spin_deg: vec![0.0], repeats: 4, ..sample.clone() }
 }
 
+/// A plan of angles of incidence as the tilts to be read back on a calibrated instrument; as it is on one that is not calibrated.
+#[must_use]
+pub fn on_instrument(map: &PixelMap, plan: &Plan) -> Plan {
+    let d = map.description();
+    if d.calibration.is_none() {
+        return plan.clone();
+    }
+    let [low, high] = d.holder.tilt_limits_deg;
+    let tilt = |deg: &f64| {
+        let tilt = map.optics().tilt_for(gonio_optics::Angle::from_degrees(*deg)).degrees();
+        // whole micro-degrees, as the encoders count; never past the stops
+        ((tilt * 1e6).round() * 1e-6).clamp(low, high)
+    };
+    Plan { tilt_deg: plan.tilt_deg.iter().map(tilt).collect(), ..plan.clone() }
+}
+
 /// A dark scan: one pose, shutter closed.
 #[must_use]
 pub fn dark_plan(sample: &Plan) -> Plan {
@@ -75,6 +91,20 @@ pub fn dark_plan(sample: &Plan) -> Plan {
 mod tests {
     use super::*;
     use gonio_instrument::builtin;
+
+    #[test]
+    fn a_plan_on_a_calibrated_instrument_stands_at_its_angles_of_incidence() {
+        let mut d = builtin::description("tiny").expect("known").expect("readable");
+        let plan = d.plan.clone();
+        assert_eq!(on_instrument(&PixelMap::new(&d), &plan), plan);
+        d.calibration = Some(builtin::misalignment().expect("readable"));
+        let map = PixelMap::new(&d);
+        let moved = on_instrument(&map, &plan);
+        for (pose, deg) in moved.poses().into_iter().zip(&plan.tilt_deg) {
+            assert!((map.frame(pose).1.degrees() - deg).abs() < 1e-5);
+            assert!((pose.tilt.degrees() - deg).abs() > 0.1);
+        }
+    }
 
     #[test]
     fn a_few_white_tilts_cover_every_pixel_that_the_sample_plan_uses() {

@@ -38,6 +38,7 @@ pub fn assemble(grid: &Grid, rows: &[Row], common: &Common, limit_deg: f64) -> (
     let mut out =
         Measured::empty(grid.clone(), Meaning::CellMean { lamp_half_angle: common.lamp_half_angle });
     let mut budget = Budget::default();
+    let mut kept: [Vec<[f32; 3]>; 9] = std::array::from_fn(|_| vec![[0.0; 3]; grid.len()]);
     let [_, no, np] = grid.shape();
     for (ti, row) in rows.iter().enumerate() {
         let cells: Vec<Option<RowCell>> = (0..no * np)
@@ -60,6 +61,9 @@ pub fn assemble(grid: &Grid, rows: &[Row], common: &Common, limit_deg: f64) -> (
                 parts[8] = (angle2 + cell.off_centre_rad.powi(2)) * slope2[c];
                 out.values[index][c] = f as f32;
                 out.sigma[index][c] = parts.iter().sum::<f64>().sqrt() as f32;
+                for (kept, part) in kept.iter_mut().zip(parts) {
+                    kept[index][c] = part.sqrt() as f32;
+                }
                 if f > 0.0 {
                     budget.count += 1;
                     for (sum, p) in budget.relative.iter_mut().zip(parts) {
@@ -69,6 +73,7 @@ pub fn assemble(grid: &Grid, rows: &[Row], common: &Common, limit_deg: f64) -> (
             }
         }
     }
+    out.sigma_parts = PARTS.iter().map(|p| (*p).to_owned()).zip(kept).collect();
     let n = budget.count.max(1) as f64;
     budget.relative = budget.relative.map(|s| (s / n).sqrt());
     (out, budget)

@@ -1,5 +1,6 @@
 //! The command line: names, flags and their help. What each does is in [`crate::commands`].
 
+pub mod calibrate;
 pub mod effect;
 pub mod scene;
 
@@ -39,6 +40,11 @@ pub enum Command {
         after_help = "Examples:\n  gonio replay S.mcap -o S.nc\n  gonio replay S.mcap --reference S.white.mcap -o again.nc --fit"
     )]
     Replay(ReplayArguments),
+    /// Find what an instrument really is, from sessions of reference samples
+    #[command(
+        after_help = "Examples:\n  gonio scan --device serial:/dev/ttyUSB0 --camera v4l:0 --instrument I.toml --kind black-glass -o flat.mcap\n  gonio scan … --kind black-glass-wedge -o wedge.mcap\n  gonio calibrate geometry flat.mcap wedge.mcap white.mcap -o I.2.toml"
+    )]
+    Calibrate(calibrate::CalibrateArguments),
     /// Check every byte of a session: 0 intact, 3 readable with loss, 1 unreadable
     #[command(after_help = "Example:\n  gonio verify S.mcap")]
     Verify {
@@ -119,10 +125,15 @@ pub enum Command {
         force: bool,
     },
     /// Tell what any file holds
-    #[command(after_help = "Examples:\n  gonio info S.mcap\n  gonio info S.nc --json")]
+    #[command(
+        after_help = "Examples:\n  gonio info S.mcap\n  gonio info S.nc --json\n  gonio info S.nc --budget"
+    )]
     Info {
         /// The file (FILE#NAME for a network)
         file: String,
+        /// Where the uncertainty of a measured table comes from, part by part
+        #[arg(long)]
+        budget: bool,
     },
     /// Draw the pictures of a measured BRDF or a model, and a report
     #[command(after_help = "Example:\n  gonio show S.nc -o pictures")]

@@ -1,5 +1,6 @@
 //! What each command does, one file each (those that watch running scans share one).
 
+pub mod calibrate;
 pub mod colormap;
 pub mod convert;
 pub mod demo;
@@ -36,6 +37,7 @@ pub fn dispatch(arguments: Arguments) -> Result<Outcome, Failure> {
         Command::Demo(a) => demo::run(&a, printer),
         Command::Scan(a) => scan::run(&a, printer),
         Command::Replay(a) => replay::run(&a, printer),
+        Command::Calibrate(a) => calibrate::run(&a, printer),
         Command::Verify { session } => session::verify(&session, printer),
         Command::Recover { session, output, force } => session::recover(&session, &output, force, printer),
         Command::Sim(a) => sim::run(&a, printer),
@@ -50,7 +52,8 @@ pub fn dispatch(arguments: Arguments) -> Result<Outcome, Failure> {
         Command::Convert { input, output, renderer, force } => {
             convert::run(&input, &output, renderer.as_deref(), force, printer)
         }
-        Command::Info { file } => info::run(&file, printer),
+        Command::Info { file, budget: true } => info::budget(&file, printer),
+        Command::Info { file, budget: false } => info::run(&file, printer),
         Command::Show(a) => show::run(&a, printer),
         Command::Status => running::status(printer),
         Command::Stop { emergency, pause, resume } => {

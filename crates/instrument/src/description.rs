@@ -39,6 +39,9 @@ pub struct Description {
     /// What a geometric calibration found, to be applied to the nominal geometry above.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub calibration: Option<Misalignment>,
+    /// From what the calibration was made, and how surely.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub calibration_record: Option<crate::calibration::CalibrationRecord>,
 }
 
 fn format_name() -> String {

@@ -4,6 +4,7 @@
 //! a driver, a simulator or a recorded session.
 
 pub mod builtin;
+pub mod calibration;
 pub mod cancel;
 pub mod certificate;
 pub mod description;

@@ -18,6 +18,7 @@ mod polar;
 pub mod scene_geometries;
 pub mod scene_pair;
 pub mod sigma;
+pub mod spots;
 mod strip;
 pub mod unfolded;
 
@@ -32,6 +33,7 @@ pub use pareto::{Pareto, ParetoPoint};
 pub use scene_geometries::scene_geometries;
 pub use scene_pair::SceneRow;
 pub use sigma::sigma;
+pub use spots::{SpotMark, SpotPlot};
 pub use unfolded::{Unfolded, brightening, unfolded};
 
 pub(crate) use axis::{Scale, short, step_up as nice_above};

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use gonio_acquisition::budget;
 use gonio_brdf::formats;
 use gonio_instrument::{Description, Plan};
 use serde_json::{Value, json};
@@ -37,6 +38,57 @@ pub fn run(file: &str, printer: Printer) -> Result<Outcome, Failure> {
     Ok(Outcome::Done)
 }
 
+/// `gonio info --budget`: the parts of a table's uncertainty.
+///
+/// # Errors
+/// [`Failure::Usage`] for a file that is no measured table, or one that keeps no parts.
+pub fn budget(file: &str, printer: Printer) -> Result<Outcome, Failure> {
+    let path = Path::new(file);
+    let formats::Loaded::Table(table) = formats::open(path).map_err(Failure::usage)? else {
+        return Err(Failure::usage(format!(
+            "{file} holds no measured table; give an .nc of `gonio scan --fit` or `gonio replay`"
+        )));
+    };
+    let Some(s) = budget::summary(&table) else {
+        return Err(Failure::usage(format!(
+            "{file} keeps no parts of its uncertainty; compute it again from its session with `gonio replay`"
+        )));
+    };
+    let attribute = |k: &str| table.attributes.get(k).cloned();
+    let (factor, freedom) = (attribute("coverage_factor"), attribute("degrees_of_freedom"));
+    let mut text =
+        format!("relative standard uncertainty over {} measured values (r.m.s., median)\n", s.values);
+    for l in &s.lines {
+        text += &format!(
+            "  {:<12} {:>8.3} % {:>8.3} %   {}\n",
+            l.part,
+            100.0 * l.relative_rms,
+            100.0 * l.relative_median,
+            l.sharing.words()
+        );
+    }
+    for (name, value) in [("independent", s.independent), ("common", s.common), ("total", s.total)] {
+        text += &format!("  {name:<12} {:>8.3} %\n", 100.0 * value);
+    }
+    text += &format!(
+        "coverage factor {}, degrees of freedom {}\n",
+        factor.as_deref().unwrap_or("1"),
+        freedom.as_deref().unwrap_or("not told")
+    );
+    printer.result(
+        &text,
+        &json!({
+            "content": "budget", "values": s.values, "independent": s.independent, "common": s.common, "total": s.total,
+            "coverage_factor": factor, "degrees_of_freedom": freedom,
+            "parts": s.lines.iter().map(|l| json!({
+                "part": l.part, "relative_rms": l.relative_rms, "relative_median": l.relative_median,
+                "common": l.sharing.is_common(), "sharing": l.sharing.words(),
+            })).collect::<Vec<_>>(),
+        }),
+    );
+    Ok(Outcome::Done)
+}
+
 fn beginning(path: &Path) -> Vec<u8> {
     use std::io::Read;
     let mut bytes = vec![0; 8];
@@ -51,6 +103,11 @@ fn toml_file(path: &Path) -> Result<serde_json::Result<Value>, Failure> {
         return Ok(Ok(json!({
             "content": "instrument", "name": d.name, "camera_size": d.camera.size,
             "poses": d.plan.poses().len(), "calibrated": d.calibration.is_some(),
+            "calibration": d.calibration_record.as_ref().map(|r| json!({
+                "version": r.version, "good": r.good, "sessions": r.sessions, "spots": r.spots, "edges": r.edges,
+                "rejected": r.rejected, "spot_rms_px": r.spot_rms_px, "direction_deg": [r.theta_i_deg, r.theta_o_deg, r.light_view_deg],
+                "undetermined": r.undetermined,
+            })),
         })));
     }
     match Plan::from_toml(&text) {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::sync_channel;
 
 use gonio_acquisition::runner::FrameCounts;
-use gonio_acquisition::{Options, PixelMap, Reducer, reference_plan};
+use gonio_acquisition::{Options, PixelMap, Reducer, geometry, reference_plan};
 use gonio_brdf::Measured;
 use gonio_fitter::Fit;
 use gonio_instrument::{Cancel, Certificate, Description, Plan, PoseRecord, SampleRecord, ScanKind};
@@ -137,8 +137,12 @@ pub fn scan(a: &ScanArguments, cancel: &Cancel) -> Result<Scanned, Failure> {
     let plan = match (kind, &a.plan) {
         (ScanKind::White, None) => reference_plan::white_plan(&map, &plan),
         (ScanKind::Dark, None) => reference_plan::dark_plan(&plan),
+        (ScanKind::BlackGlass, None) => geometry::plans::flat(&plan, instrument.holder.tilt_limits_deg),
+        (ScanKind::BlackGlassWedge, None) => geometry::plans::wedge(&plan, instrument.holder.tilt_limits_deg),
         _ => plan,
     };
+    // the plan's angles of incidence as the tilts that give them
+    let plan = reference_plan::on_instrument(&map, &plan);
     let references = match (&simulated, a.reference.is_empty(), &a.fit) {
         (Some(s), true, Some(_)) => vec![virtual_white(a, s, &instrument, &map, cancel)?],
         _ => a.reference.clone(),
@@ -359,7 +363,7 @@ fn virtual_white(
             )));
         }
     }
-    let plan: Plan = reference_plan::white_plan(map, &instrument.plan);
+    let plan: Plan = reference_plan::on_instrument(map, &reference_plan::white_plan(map, &instrument.plan));
     let job = Job {
         instrument,
         plan: &plan,

@@ -1,0 +1,117 @@
+//! Scans of the virtual instrument without its controller: frames of the simulator straight into the reduction. The truth may be out of alignment,
+//! the reduction knows what a calibration found.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use gonio_acquisition::{Options, PixelMap, Reducer, WhiteBuilder, WhiteReference, reference_plan};
+use gonio_brdf::Measured;
+use gonio_instrument::{
+    Certificate, Description, Exposure, Frame, Misalignment, Plan, Pose, PoseRecord, SampleRecord,
+};
+use gonio_optics::Angle;
+use gonio_sim::optics::sensor::{Conditions, NoiseKey};
+use gonio_sim::optics::{Sample, Sensor, VirtualOptics};
+
+use crate::noise::Noise;
+
+/// Exposures of a sample's pose, s: from the shortest up to what is dim.
+const SAMPLE_S: [f64; 6] = [2e-5, 3e-4, 3e-3, 2e-2, 1e-1, 5e-1];
+/// White poses are taken this often.
+const REPEATS: u64 = 3;
+
+/// A virtual instrument and what is known of it.
+pub struct BenchScan {
+    optics: VirtualOptics,
+    sensor: Sensor,
+    errors: Misalignment,
+    map: Arc<PixelMap>,
+    noise: Noise,
+}
+
+impl BenchScan {
+    /// An instrument with `errors` that is reduced by the description `known`.
+    pub fn new(known: &Description, errors: &Misalignment, seed: u64) -> Self {
+        let nominal = Description { calibration: None, calibration_record: None, ..known.clone() };
+        Self {
+            optics: VirtualOptics::new(&nominal, errors),
+            sensor: Sensor::new(&nominal, seed),
+            errors: errors.clone(),
+            map: Arc::new(PixelMap::new(known)),
+            noise: Noise::new(seed),
+        }
+    }
+
+    fn pose(&mut self, sample: &Sample, index: u32, readback: Pose, exposures_s: &[f64]) -> PoseRecord {
+        let off = self.errors.tilt_zero_deg + self.errors.tilt_repeatability_deg * self.noise.normal();
+        let actual = Pose { tilt: readback.tilt + Angle::from_degrees(off), ..readback };
+        let rates = self.optics.rate_map(actual, 0.0, sample);
+        let pose = ((readback.tilt.degrees() * 1e6) as i64, (readback.spin.degrees() * 1e6) as i64);
+        let exposures = exposures_s
+            .iter()
+            .enumerate()
+            .map(|(k, &exposure_s)| {
+                let key = NoiseKey {
+                    sample: sample.noise_key,
+                    pose,
+                    exposure_ns: (exposure_s * 1e9) as u64,
+                    shutter_open: true,
+                    repeat: k as u64,
+                };
+                let conditions = Conditions { exposure_s, lamp: 1.0, temperature_c: 35.0 };
+                let frame = Frame {
+                    width: rates.width,
+                    height: rates.height,
+                    pixels: self.sensor.expose(&rates.rates, conditions, key),
+                    exposure: Duration::from_secs_f64(exposure_s),
+                    sequence: k as u64,
+                    stamp: Duration::ZERO,
+                    sensor_temperature_c: Some(35.0),
+                };
+                Exposure { frame, lamp_monitor: 1.0, shutter_open: true }
+            })
+            .collect();
+        PoseRecord { index, commanded: readback, readback, exposures }
+    }
+
+    fn plan(&self, tilts: &[f64]) -> Plan {
+        Plan { tilt_deg: tilts.to_vec(), ..self.map.description().plan.clone() }
+    }
+
+    /// The white reference for samples at these angles of incidence.
+    pub fn white(&mut self, tilts: &[f64]) -> WhiteReference {
+        let sample = Sample::diffuser(0.98).with_noise_key(1);
+        let map = self.map.clone();
+        let mut builder =
+            WhiteBuilder::new(map.clone(), &Certificate::virtual_white(), Vec::new(), &Options::default())
+                .expect("the virtual certificate");
+        let plan = reference_plan::on_instrument(&map, &reference_plan::white_plan(&map, &self.plan(tilts)));
+        let once = plan.tilt_deg.iter().map(|t| Pose::from_degrees(*t, 0.0));
+        for (k, pose) in once.enumerate() {
+            let t = 0.02 / pose.tilt.cos();
+            let times: Vec<f64> = (0..REPEATS).flat_map(|_| [t, 4.0 * t]).collect();
+            let record = self.pose(&sample, k as u32, pose, &times);
+            builder.add_pose(&record).expect("frames of this camera");
+        }
+        builder.finish().expect("the reference is seen")
+    }
+
+    /// The table of a sample, and the reducer that made it.
+    pub fn table(
+        &mut self,
+        white: &WhiteReference,
+        sample: &Sample,
+        tilts: &[f64],
+        options: Options,
+    ) -> (Measured, Reducer) {
+        let map = self.map.clone();
+        let mut reducer =
+            Reducer::new(map.clone(), white.clone(), SampleRecord::default(), options).expect("settings");
+        let poses = reference_plan::on_instrument(&map, &self.plan(tilts)).poses();
+        for (k, pose) in poses.into_iter().enumerate() {
+            let record = self.pose(sample, k as u32, pose, &SAMPLE_S);
+            reducer.add_pose(&record).expect("frames of this camera");
+        }
+        (reducer.finish(), reducer)
+    }
+}

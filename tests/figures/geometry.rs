@@ -1,10 +1,10 @@
 //! Geometric calibration of the misaligned virtual instrument, from scans of black glass and white through to directions.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
 use gonio::arguments::calibrate::GeometryArguments;
-use gonio::arguments::{CoatArguments, Kind, ScanArguments, VirtualArguments};
+use gonio::arguments::{Kind, ScanArguments, VirtualArguments};
 use gonio::commands::calibrate::{Calibrated, calibrate};
 use gonio::commands::scan::scan;
 use gonio_acquisition::PixelMap;
@@ -18,33 +18,10 @@ const SEED: u64 = 1;
 
 fn session(kind: Kind, name: &str) -> PathBuf {
     let output = scans::path(name);
-    let arguments = ScanArguments {
-        device: "sim".to_owned(),
-        camera: "sim".to_owned(),
-        instrument: "reference".to_owned(),
-        plan: None,
-        kind,
-        reference: Vec::new(),
-        certificate: None,
-        accept_stale: false,
-        sample: String::new(),
-        name: String::new(),
-        batch: String::new(),
-        operator: String::new(),
-        note: String::new(),
-        output: output.clone(),
-        fit: None,
-        coat: CoatArguments::default(),
-        resume: false,
-        force: true,
-        simulated: VirtualArguments {
-            truth: None,
-            misalignment: Some(PathBuf::from("builtin")),
-            faults: None,
-            seed: SEED,
-            time_scale: 1000.0,
-        },
-    };
+    let plain = scans::arguments(Path::new(""), &output, SEED, Vec::new());
+    let simulated =
+        VirtualArguments { truth: None, misalignment: Some(PathBuf::from("builtin")), ..plain.simulated };
+    let arguments = ScanArguments { kind, fit: None, simulated, ..plain };
     scan(&arguments, &Cancel::new()).unwrap_or_else(|e| panic!("{name}: {e}"));
     output
 }

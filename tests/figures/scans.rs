@@ -27,7 +27,8 @@ pub fn path(name: &str) -> PathBuf {
     FOLDER.path().join(name)
 }
 
-fn arguments(truth: &Path, output: &Path, seed: u64, reference: Vec<PathBuf>) -> ScanArguments {
+/// Of a sample on the reference instrument, as it stands in its description.
+pub fn arguments(truth: &Path, output: &Path, seed: u64, reference: Vec<PathBuf>) -> ScanArguments {
     ScanArguments {
         device: "sim".to_owned(),
         camera: "sim".to_owned(),

@@ -239,7 +239,7 @@ mod tests {
 
     #[test]
     fn a_table_without_values_has_no_differences() {
-        let empty = Measured::empty(Grid::sopp(), gonio_brdf::Meaning::Node);
+        let empty = Measured::empty(Grid::sopp(), Meaning::Node);
         assert_eq!(colour_differences(&empty, &empty, 75.0), [None, None]);
     }
 }

@@ -1,9 +1,9 @@
 //! How a representation is made from a material.
 
-use gonio_brdf::Brdf;
 use gonio_brdf::maps::{
     self, Aspecular, ColourMap, FitError, FlakeFitOptions, FlakeMap, LookupTable, Region, Sample,
 };
+use gonio_brdf::{Brdf, Meaning};
 use gonio_fitter::ModelChoice;
 use gonio_optics::{Angle, Vec3};
 
@@ -103,6 +103,14 @@ pub enum BuildError {
     /// Gloss.
     #[error(transparent)]
     Gloss(#[from] GlossError),
+    /// A lobe whose means over the cells of a whole table take too long here.
+    #[error(
+        "{model} was not tried: its means over the cells of a whole table take minutes and gigabytes; fit it with `gonio fit --model {model}` to see"
+    )]
+    Costly {
+        /// Which.
+        model: String,
+    },
     /// The fit of a model.
     #[error("{model} could not be fitted: {status}")]
     Model {
@@ -265,6 +273,12 @@ fn model(
     choice: ModelChoice,
     name: &str,
 ) -> Result<Evaluator, BuildError> {
+    let means = material.table().is_some_and(|t| matches!(t.meaning, Meaning::CellMean { .. }));
+    // these lobes are summed over every cell's nodes, and some need many nodes everywhere
+    let summed = matches!(choice, ModelChoice::Lafortune(_) | ModelChoice::Ggx(2..));
+    if means && summed {
+        return Err(BuildError::Costly { model: name.to_owned() });
+    }
     let fail = |status: &str| BuildError::Model { model: name.to_owned(), status: status.to_owned() };
     let observations = material.observations().ok_or_else(|| fail("there is nothing to fit it to"))?;
     let wanted = gonio_fitter::Options {

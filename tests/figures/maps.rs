@@ -225,42 +225,7 @@ fn cayman(data: &RealData) -> Vec<Figure> {
     let mut out = Vec::new();
     let note = format!(" ({} fitted, {} judged, {} in-plane)", given.len(), judged.len(), in_plane.len());
     ratios(&mut out, "cayman", a, [0, 1, 2].map(|k| map_error(&maps[k], &judged)), &note);
-    out.push(exchanged_pairs(&samples, &maps[2], a));
     out
-}
-
-/// What reciprocity leaves of scattered measurements: pairs with light and view exchanged, both directions within 3°. The second value is carried to the place of
-/// the first by the map's own ratio between the two; a reciprocal map can at best stand in the middle of the two (geometric mean), half of the way from each.
-fn exchanged_pairs(samples: &[Sample], map: &FlakeMap, a: f64) -> Figure {
-    let near = 3f64.to_radians().cos();
-    let geometry = |s: &Sample| Geometry::from_directions(s.light, s.view);
-    let mut floors = Vec::new();
-    for (i, s) in samples.iter().enumerate() {
-        let (l, v) = geometry(s).directions();
-        for t in &samples[i + 1..] {
-            let (u, w) = geometry(t).directions();
-            // t exchanged, turned so that its view lies in the light's plane of s
-            let (u, w) = Geometry::from_directions(w, u).directions();
-            let apart = geometry(s).theta_i.degrees() - geometry(t).theta_i.degrees();
-            if apart.abs() < 6.0 || l.dot(u) < near || v.dot(w) < near {
-                continue;
-            }
-            let (here, there) = (map.eval(l, v), map.eval(u, w));
-            let carried = [0, 1, 2].map(|c| t.value[c] * here[c] / there[c]);
-            if carried.iter().chain(&s.value).all(|x| *x > 0.0) {
-                let middle = [0, 1, 2].map(|c| (s.value[c] * carried[c]).sqrt());
-                floors.push(0.5 * (delta_e(s.value, middle) + delta_e(carried, middle)));
-            }
-        }
-    }
-    let mean = floors.iter().sum::<f64>() / floors.len().max(1) as f64;
-    Figure::said(
-        "cayman: floor of reciprocal maps, from pairs with light and view exchanged",
-        format!("ΔE {mean:.2} = {:.3} of A ({} pairs)", mean / a, floors.len()),
-        "-",
-        Some(0),
-        true,
-    )
 }
 
 /// Data of the size of real measurements: of the four networks with the strongest effects the grid of cell means, and the same with noise and its σ; of all

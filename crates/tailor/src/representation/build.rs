@@ -287,7 +287,7 @@ fn model(
         ..gonio_fitter::Options::default()
     };
     let fit = gonio_fitter::fit(&observations, &wanted);
-    if matches!(fit.status.name(), "no-data" | "non-finite") {
+    if !fit.status.is_fitted() {
         return Err(fail(fit.status.name()));
     }
     Ok(Evaluator::Model(Box::new(fit.to_model_file()), 4 * fit.parameters.len()))

@@ -138,6 +138,32 @@ mod tests {
     }
 
     #[test]
+    fn a_model_that_cannot_be_fitted_is_no_representation() {
+        use gonio_brdf::{Grid, Meaning, Measured};
+        use gonio_fitter::ModelChoice;
+        use gonio_optics::Angle;
+        let grid = Grid {
+            theta_i_deg: vec![0.0, 30.0, 60.0],
+            theta_o_deg: vec![0.0, 20.0, 40.0, 60.0],
+            phi_deg: vec![0.0, 90.0, 180.0],
+        };
+        let mut table = Measured::sampled(grid, paint().brdf().unwrap());
+        table.meaning = Meaning::CellMean { lamp_half_angle: Angle::from_degrees(0.5) };
+        let m = Material::new("means", Loaded::Table(Box::new(table)));
+        let refused =
+            |choice| Representation::Model(choice).build(&m, &Options::new(1.5)).err().map(|e| e.to_string());
+        // without the light's azimuth there is nothing to tell the two axes apart by
+        assert!(
+            refused(ModelChoice::AshikhminShirleyAnisotropic)
+                .is_some_and(|e| e.contains("could not be fitted"))
+        );
+        assert!(
+            refused(ModelChoice::Lafortune(1)).is_some_and(|e| e.contains("gonio fit --model lafortune"))
+        );
+        assert!(refused(ModelChoice::Lambert).is_none());
+    }
+
+    #[test]
     fn in_plane_measurements_make_a_colour_map_and_no_harmonics() {
         let in_plane = scattered(&[0.0, 180.0]);
         let clip = Representation::ColourMap(Method::Clip).build(&in_plane, &Options::new(1.5)).unwrap();

@@ -4,7 +4,7 @@
 
 use std::time::Duration;
 
-use gonio_instrument::Frame;
+use gonio_instrument::{Frame, PoseRecord};
 
 use crate::sensor::Sensor;
 
@@ -46,6 +46,16 @@ pub struct DarkModel {
 }
 
 impl DarkFrames {
+    /// Takes the dark frames of a record (those with the shutter closed): the model with them, or `None` where it has none.
+    pub fn take(&mut self, record: &PoseRecord, sensor: &Sensor) -> Option<DarkModel> {
+        let mut pixels = None;
+        for e in record.exposures.iter().filter(|e| !e.shutter_open) {
+            self.add(&e.frame, sensor);
+            pixels = Some(e.frame.pixels.len());
+        }
+        pixels.map(|n| self.model(sensor, n))
+    }
+
     /// Adds a frame.
     pub fn add(&mut self, frame: &Frame, sensor: &Sensor) {
         let group = match self.groups.iter_mut().position(|g| g.exposure == frame.exposure) {

@@ -38,13 +38,8 @@ impl Merger {
         wanted: &[bool],
     ) -> Result<Option<(MergedPose, [f64; 3])>, AcquisitionError> {
         check_frames(record, &self.map)?;
-        let mut fresh = false;
-        for e in record.exposures.iter().filter(|e| !e.shutter_open) {
-            self.dark_frames.add(&e.frame, &self.sensor);
-            fresh = true;
-        }
-        if fresh {
-            self.dark = self.dark_frames.model(&self.sensor, self.map.width() * self.map.height());
+        if let Some(dark) = self.dark_frames.take(record, &self.sensor) {
+            self.dark = dark;
         }
         if record.exposures.iter().all(|e| !e.shutter_open) {
             return Ok(None);

@@ -84,13 +84,8 @@ impl Reducer {
     /// [`AcquisitionError`] for frames of the wrong size.
     pub fn add_dark(&mut self, record: &PoseRecord) -> Result<(), AcquisitionError> {
         check_frames(record, &self.map)?;
-        let mut fresh = false;
-        for e in record.exposures.iter().filter(|e| !e.shutter_open) {
-            self.dark_frames.add(&e.frame, &self.sensor);
-            fresh = true;
-        }
-        if fresh {
-            self.dark = self.dark_frames.model(&self.sensor, self.map.width() * self.map.height());
+        if let Some(dark) = self.dark_frames.take(record, &self.sensor) {
+            self.dark = dark;
         }
         Ok(())
     }

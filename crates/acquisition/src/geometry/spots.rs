@@ -130,13 +130,8 @@ impl SpotFinder {
         name: &str,
     ) -> Result<Result<Spot, NoSpot>, AcquisitionError> {
         check_frames(record, &self.map)?;
-        let mut fresh = false;
-        for e in record.exposures.iter().filter(|e| !e.shutter_open) {
-            self.dark_frames.add(&e.frame, &self.sensor);
-            fresh = true;
-        }
-        if fresh {
-            self.dark = self.dark_frames.model(&self.sensor, self.map.width() * self.map.height());
+        if let Some(dark) = self.dark_frames.take(record, &self.sensor) {
+            self.dark = dark;
         }
         let lit = record.exposures.iter().filter(|e| e.shutter_open && e.lamp_monitor > 0.0);
         let Some(shortest) = lit.min_by_key(|e| e.frame.exposure) else {

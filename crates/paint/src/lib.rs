@@ -1,0 +1,8 @@
+//! Car paints: what a coat with flakes looks like, what its flakes are like, and what lies between two paints.
+//!
+//! Directions inside the clear coat are told by the half angle θh̄ between flake plane and surface and the angle θī of incidence on it
+//! (Golla & Klein 2018, section 3; the θ_flake and θ_inc of the flake maps).
+
+pub mod flake_btf;
+
+pub use flake_btf::{FlakeBtf, FlakeBtfError};

@@ -12,6 +12,7 @@ pub mod budget;
 pub mod cells;
 pub mod coat;
 pub mod dark;
+pub mod demand;
 pub mod engine;
 pub mod error;
 pub mod fill;

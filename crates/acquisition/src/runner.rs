@@ -7,11 +7,11 @@ use gonio_instrument::{
 };
 
 use crate::bracket::{FrameSummary, Judge};
+use crate::demand::{exposure_needs, interest};
 use crate::engine::{Action, Choice, Engine, Event, LostPose, Note, Outcome, Progress, Setup, Step};
 use crate::frames::{Frames, Verdict};
 use crate::journal::Journal;
 use crate::pixel_map::PixelMap;
-use crate::reference::WHITE_LIMIT_DEG;
 
 /// Who watches a scan. Calls come from the scan's thread: hand long work on.
 pub trait Observer {
@@ -74,7 +74,7 @@ const HOLD_POLL: Duration = Duration::from_millis(20);
 /// Runs a scan to its end and says how it ended. Whatever that is: motion is stopped, the shutter closed, the open pose given up,
 /// everything measured is in the journal. Finishing the journal is left to the caller.
 pub fn run(
-    setup: Setup,
+    mut setup: Setup,
     map: &PixelMap,
     stage: &mut dyn Stage,
     camera: &mut dyn Camera,
@@ -83,6 +83,9 @@ pub fn run(
     observer: &mut dyn Observer,
 ) -> Outcome {
     let start = Instant::now();
+    if setup.exposure_needs.is_empty() {
+        setup.exposure_needs = exposure_needs(map, &setup.poses);
+    }
     let mut engine = Engine::new(setup);
     let mut hands = Hands {
         map,
@@ -294,16 +297,4 @@ impl Hands<'_> {
         }
         Event::Done
     }
-}
-
-/// Pixels that bracketing cares for: those that see the sample below grazing.
-fn interest(map: &PixelMap, readback: Pose) -> Vec<bool> {
-    use rayon::prelude::*;
-    let visibility = map.visibility(readback);
-    let limit = WHITE_LIMIT_DEG.to_radians().cos();
-    (0..map.width() * map.height())
-        .into_par_iter()
-        .with_min_len(4096)
-        .map(|p| visibility.cos_view(p).is_some_and(|c| c > limit))
-        .collect()
 }

@@ -152,7 +152,7 @@ fn a_lone_pixel_that_saturates_is_unknown_and_not_what_its_neighbours_show() {
 fn a_dozen_saturated_pixels_in_a_million_ask_for_a_shorter_exposure() {
     use gonio_acquisition::bracket::{Bracket, FrameSummary};
     let mut bracket = Bracket::new([2e-5, 2.0], 8, std::time::Duration::from_millis(10));
-    bracket.add(FrameSummary { exposure_s: 0.01, saturated_share: 1e-5, dim_share: 0.0, dim_level: 0.0 });
+    bracket.add(FrameSummary { exposure_s: 0.01, saturated_share: 1e-5, dim_share: 0.0, dark_level: 0.0 });
     let next = bracket.proposal().expect("one more").as_secs_f64();
     assert!(next < 0.01, "{next}");
 }

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use gonio_acquisition::PixelMap;
 use gonio_acquisition::bracket::Judge;
+use gonio_acquisition::demand::{exposure_needs, interest};
 use gonio_acquisition::engine::{Action, Engine, Event, Outcome, Setup, Step};
 use gonio_driver::camera::CameraFaults;
 use gonio_instrument::{Camera as _, Cancel, Misalignment, Plan, Pose, ScanKind, Sensors, builtin};
@@ -19,11 +20,12 @@ use gonio_sim::{Truth, VirtualCamera};
 use super::instrument::{Tiny, scan};
 use super::{Figure, Settings};
 
-/// Paints by their model files.
+/// Paints by their model files, from matt to a metallic under a coat.
 const PAINTS: &[&str] = &[
     r#"{"model":"lambert","diffuse":[0.5,0.5,0.5]}"#,
     r#"{"model":"ashikhmin-shirley-simplified","diffuse":[0.3,0.12,0.06],"specular":[0.1,0.08,0.12],"exponent":60.0}"#,
     r#"{"model":"ashikhmin-shirley-simplified","diffuse":[0.02,0.02,0.02],"specular":[0.3,0.3,0.3],"exponent":400.0}"#,
+    r#"{"model":"ggx","diffuse":[0.05,0.02,0.02],"lobes":[{"specular":[0.45,0.12,0.08],"alpha":0.27,"r0":0.55}],"coat":{"index":1.5}}"#,
 ];
 
 /// Speed and acceleration of the driver's moves.
@@ -94,7 +96,8 @@ fn virtual_scan(plan: &Plan, paint: &str, map: &PixelMap) -> [f64; 3] {
         sample.expect("a sample"),
         1,
     );
-    let setup = Setup::new(instrument.clone(), plan.clone(), camera.info(), ScanKind::Sample);
+    let mut setup = Setup::new(instrument.clone(), plan.clone(), camera.info(), ScanKind::Sample);
+    setup.exposure_needs = exposure_needs(map, &setup.poses);
     let poses = plan.poses().len() as u32;
     let marks = [poses.div_ceil(10), poses / 4, poses / 2];
     let mut engine = Engine::new(setup);
@@ -166,13 +169,6 @@ fn motion_s(from: Pose, to: Pose) -> f64 {
     } else {
         2.0 * (way / ACCELERATION_DEG_S2).sqrt()
     }
-}
-
-/// Pixels that see the sample below 75°.
-fn interest(map: &PixelMap, pose: Pose) -> Vec<bool> {
-    let visibility = map.visibility(pose);
-    let limit = 75.0f64.to_radians().cos();
-    (0..map.width() * map.height()).map(|p| visibility.cos_view(p).is_some_and(|c| c > limit)).collect()
 }
 
 /// A scan in real time, five times faster than life.

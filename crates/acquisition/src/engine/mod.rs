@@ -367,7 +367,7 @@ impl Engine {
             resumed_at: None,
             anew: false,
             beginnings: 0,
-            timing: Timing::default(),
+            timing: Timing::new(setup.exposure_s[1]),
             acting: None,
             notes: Vec::new(),
             noted: None,
@@ -562,7 +562,7 @@ impl Engine {
             }
             State::EndPose => {
                 self.pose_open = false;
-                self.timing.done();
+                self.timing.done(self.bracket.needed_s());
                 self.hint = self.bracket.hint();
                 self.beginnings = 0;
                 self.done += 1;

@@ -43,6 +43,9 @@ pub struct Setup {
     pub dark_exposures: Vec<Duration>,
     /// Largest departure of the sample's surface from F1, mm.
     pub height_tolerance_mm: f64,
+    /// How long the darkest pixels of each pose need, relative to each other ([`crate::demand::exposure_needs`]): what the time left is told from. Where
+    /// empty, one over the cosine of the tilt.
+    pub exposure_needs: Vec<f64>,
 }
 
 impl Setup {
@@ -62,6 +65,7 @@ impl Setup {
             first_exposure: Duration::from_secs_f64(middle.clamp(exposure_s[0], exposure_s[1])),
             dark_exposures: dark_exposures(exposure_s),
             height_tolerance_mm: HEIGHT_TOLERANCE_MM,
+            exposure_needs: Vec::new(),
             instrument,
             plan,
             camera,

@@ -79,6 +79,8 @@ pub struct Device {
     dedup: Dedup<REMEMBERED>,
     heartbeat: u32,
     backlog: [Option<ToHost>; BACKLOG],
+    /// An event that came together with a more urgent one.
+    held_back: Option<DeviceEvent>,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -101,6 +103,7 @@ impl Device {
             dedup: Dedup::new(),
             heartbeat: 0,
             backlog: [None; BACKLOG],
+            held_back: None,
         };
         device.hello = Some(device.greeting(Role::Announce, 0, 0));
         device
@@ -118,6 +121,9 @@ impl Device {
 
     /// Takes bytes from the front of `input` until something is to be done or none are left; call until it gives `None`.
     pub fn receive(&mut self, now: Duration, input: &mut &[u8]) -> Option<DeviceEvent> {
+        if let Some(event) = self.held_back.take() {
+            return Some(event);
+        }
         while let Some(received) = self.link.receive(now, input) {
             let event = match received {
                 Received::Hello(hello) => {
@@ -144,8 +150,14 @@ impl Device {
                         _ => None,
                     };
                     let begun = self.foreign(now, session);
-                    // A stop is obeyed whoever asks; where it also begins a session it will be repeated.
-                    emergency.map(|id| DeviceEvent::EmergencyStop { id }).or(begun)
+                    // A stop is obeyed whoever asks, and before the session is told of that it may begin.
+                    match emergency {
+                        Some(id) => {
+                            self.held_back = begun;
+                            Some(DeviceEvent::EmergencyStop { id })
+                        }
+                        None => begun,
+                    }
                 }
                 Received::Damaged(_) => None,
             };

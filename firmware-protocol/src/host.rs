@@ -96,7 +96,9 @@ pub struct Host {
     emergency: Option<(u32, Duration)>,
     emergencies: u32,
     heard: Option<Duration>,
-    link_began: Duration,
+    /// When the session last began or something of it came. Greetings do not count: a device that takes this host's frames for another session's announces
+    /// itself for ever.
+    session_heard: Duration,
     clock: ClockFilter,
     statistics: HostStatistics,
 }
@@ -117,7 +119,7 @@ impl Host {
             emergency: None,
             emergencies: 0,
             heard: None,
-            link_began: Duration::ZERO,
+            session_heard: Duration::ZERO,
             clock: ClockFilter::new(),
             statistics: HostStatistics::default(),
         }
@@ -179,13 +181,16 @@ impl Host {
             }
             let event = match received {
                 Received::Hello(hello) => self.greeted(now, hello),
-                Received::Data(body) | Received::Datagram(body) => match from_body(&body) {
-                    Ok(message) => Some(self.message(now, message)),
-                    Err(_) => {
-                        self.statistics.malformed += 1;
-                        None
+                Received::Data(body) | Received::Datagram(body) => {
+                    self.session_heard = now;
+                    match from_body(&body) {
+                        Ok(message) => Some(self.message(now, message)),
+                        Err(_) => {
+                            self.statistics.malformed += 1;
+                            None
+                        }
                     }
-                },
+                }
                 Received::Foreign { .. } | Received::Damaged(_) => None,
             };
             if event.is_some() {
@@ -197,8 +202,7 @@ impl Host {
 
     /// The next bytes to send, if any are due; call until it gives `None`.
     pub fn poll_transmit(&mut self, now: Duration) -> Option<Encoded> {
-        let heard = self.heard.unwrap_or_default().max(self.link_began);
-        if self.is_connected() && now.saturating_sub(heard) >= SILENCE {
+        if self.is_connected() && now.saturating_sub(self.session_heard) >= SILENCE {
             self.reconnect(now);
         }
         match self.state {
@@ -273,7 +277,7 @@ impl Host {
                 self.link.open(hello.session, hello.window);
                 self.state = State::Connected { next_heartbeat: now };
                 self.counter = 0;
-                self.link_began = now;
+                self.session_heard = now;
                 self.statistics.sessions += 1;
                 Some(HostEvent::Connected(hello))
             }

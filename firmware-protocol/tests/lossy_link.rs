@@ -1,6 +1,9 @@
 //! Two ends over a channel that loses, damages, repeats and delays, in virtual time: everything queued arrives
 //! exactly once and in order, whatever the channel does short of staying silent for ever.
 
+mod channel;
+
+use channel::{Channel, Weather};
 use gonio_protocol::device::{Device, DeviceEvent, Identity};
 use gonio_protocol::frame::Body;
 use gonio_protocol::hello::{Serial, Version};
@@ -10,71 +13,6 @@ use gonio_protocol::message::{Command, Outcome, Reply};
 use proptest::prelude::*;
 use std::collections::BTreeMap;
 use std::time::Duration;
-
-/// SplitMix64: enough randomness for a channel, and the same on every machine.
-struct Dice(u64);
-
-impl Dice {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    fn percent(&mut self, chance: u64) -> bool {
-        self.next() % 100 < chance
-    }
-}
-
-#[derive(Clone, Copy, Debug)]
-struct Weather {
-    loss: u64,
-    damage: u64,
-    repeat: u64,
-    delay_ms: u64,
-}
-
-/// One direction. Blocks of bytes ordered by arrival, then by entry.
-struct Channel {
-    dice: Dice,
-    weather: Weather,
-    under_way: BTreeMap<(Duration, u64), Vec<u8>>,
-    entered: u64,
-}
-
-impl Channel {
-    fn new(seed: u64, weather: Weather) -> Channel {
-        Channel { dice: Dice(seed), weather, under_way: BTreeMap::new(), entered: 0 }
-    }
-
-    fn send(&mut self, now: Duration, bytes: &[u8]) {
-        let copies = if self.dice.percent(self.weather.repeat) { 2 } else { 1 };
-        for _ in 0..copies {
-            if self.dice.percent(self.weather.loss) {
-                continue;
-            }
-            let mut bytes = bytes.to_vec();
-            if self.dice.percent(self.weather.damage) {
-                let at = self.dice.next() as usize % bytes.len();
-                bytes[at] ^= 1 << (self.dice.next() % 8);
-            }
-            let delay = Duration::from_micros(500 + self.dice.next() % (self.weather.delay_ms * 1000 + 1));
-            self.entered += 1;
-            self.under_way.insert((now + delay, self.entered), bytes);
-        }
-    }
-
-    fn arrived(&mut self, now: Duration) -> Option<Vec<u8>> {
-        let (&key, _) = self.under_way.first_key_value()?;
-        if key.0 > now { None } else { self.under_way.remove(&key) }
-    }
-
-    fn next_arrival(&self) -> Option<Duration> {
-        self.under_way.keys().next().map(|key| key.0)
-    }
-}
 
 fn number(n: u32) -> Body {
     Body::new(&n.to_le_bytes()).expect("four bytes fit")

@@ -216,34 +216,41 @@ fn a_plan_for_a_scene_is_smaller_and_runs() {
 #[test]
 fn an_adaptive_scan_ends_when_the_scene_has_enough() {
     let dir = folder();
-    let scan = |bound: &str, name: &str| {
-        json_of(&gonio(
-            dir.path(),
-            &[
-                "--json",
-                "scan",
-                "--device",
-                "sim",
-                "--instrument",
-                "tiny",
-                "--truth",
-                "paint.json",
-                "--fit=lambert",
-                "--scene",
-                "product.toml",
-                "--max-delta-e",
-                bound,
-                "-o",
-                name,
-            ],
-        ))
+    let scan = |bound: &str, name: &str, more: &[&str]| {
+        let words = [
+            "--json",
+            "scan",
+            "--device",
+            "sim",
+            "--instrument",
+            "tiny",
+            "--truth",
+            "paint.json",
+            "--fit=lambert",
+            "--scene",
+            "product.toml",
+            "--max-delta-e",
+            bound,
+            "-o",
+            name,
+        ];
+        json_of(&gonio(dir.path(), &[&words[..], more].concat()))
     };
-    let loose = scan("60", "loose.mcap");
+    let loose = scan("60", "loose.mcap", &[]);
     let (done, total) = (loose["poses_done"].as_u64().unwrap(), loose["poses_total"].as_u64().unwrap());
     assert!((2..total).contains(&done), "{done} of {total}");
     // a bound that nothing keeps asks for every pose
-    let strict = scan("0.000001", "strict.mcap");
+    let strict = scan("0.000001", "strict.mcap", &[]);
     assert_eq!(strict["poses_done"].as_u64().unwrap(), total);
+    // what was measured is whole, and gives the same table again
+    let verified = gonio(dir.path(), &["verify", "loose.mcap"]);
+    assert!(verified.status.success());
+    assert!(gonio(dir.path(), &["replay", "loose.mcap", "-o", "again.nc"]).status.success());
+    let read = |name: &str| std::fs::read(dir.path().join(name)).expect("written");
+    assert!(read("again.nc") == read("loose.nc"), "a replay gives another table");
+    // continued with the same bound there is nothing to do
+    let same = scan("60", "loose.mcap", &["--resume", "--force"]);
+    assert_eq!(same["poses_done"].as_u64().unwrap(), done);
     // the table tells the next pose as well
     let next = json_of(&gonio(
         dir.path(),
@@ -263,6 +270,9 @@ fn an_adaptive_scan_ends_when_the_scene_has_enough() {
         ],
     ));
     assert!(next["tilt_deg"].is_number() && dir.path().join("next.toml").is_file(), "{next}");
+    // with a stricter bound it goes on where it was
+    let further = scan("0.000001", "loose.mcap", &["--resume", "--force"]);
+    assert_eq!(further["poses_done"].as_u64().unwrap(), total);
 }
 
 #[test]

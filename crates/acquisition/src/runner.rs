@@ -86,6 +86,8 @@ pub fn run(
     if setup.exposure_needs.is_empty() {
         setup.exposure_needs = exposure_needs(map, &setup.poses);
     }
+    // of what an earlier run measured a choice follows at once
+    let mut asked = setup.done.is_empty();
     let mut engine = Engine::new(setup);
     let mut hands = Hands {
         map,
@@ -109,6 +111,11 @@ pub fn run(
         }
         let hold = hands.observer.hold();
         engine.handle(if hold { Event::Pause } else { Event::Resume });
+        if !asked && engine.between_poses() {
+            asked = true;
+            let choice = hands.observer.choose(engine.ahead());
+            engine.choose(choice);
+        }
         let step = engine.step();
         for note in engine.take_notes() {
             hands.note(&note);

@@ -277,7 +277,7 @@ pub struct ScanArguments {
     #[arg(long)]
     pub plan: Option<PathBuf>,
     /// Adaptive, with --fit: after each pose the next is the one that this scene's pictures ask for most, until --max-delta-e is expected
-    #[arg(long, requires = "fit", conflicts_with = "resume")]
+    #[arg(long, requires = "fit")]
     pub scene: Option<PathBuf>,
     /// With --scene: mean colour difference (CIEDE2000) of its pixels that will do
     #[arg(long, default_value_t = 1.0)]
@@ -375,6 +375,9 @@ pub struct SimArguments {
     /// What lies on the holder
     #[arg(long, value_enum, default_value = "sample")]
     pub kind: Kind,
+    /// End when the program that started this one ends, however it ends
+    #[arg(long)]
+    pub with_parent: bool,
     /// Settings of the virtual instrument
     #[command(flatten)]
     pub simulated: VirtualArguments,

@@ -116,7 +116,8 @@ fn device(settings: &Settings, at: &Path) -> Killed {
             "--truth",
             "paint.json",
         ])
-        .args(["--time-scale", "200"])
+        // a campaign that is killed itself leaves no device behind
+        .args(["--time-scale", "200", "--with-parent"])
         .current_dir(at)
         .stdin(Stdio::null())
         .stdout(Stdio::null())

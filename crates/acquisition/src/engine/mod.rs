@@ -438,9 +438,15 @@ impl Engine {
         self.todo.get(self.at..).unwrap_or(&[])
     }
 
+    /// Whether a pose is about to begin: the moment for a choice.
+    #[must_use]
+    pub fn between_poses(&self) -> bool {
+        !self.in_flight && self.state == State::Move
+    }
+
     /// Follows a choice between two poses; at any other time, and for a place that is not ahead, nothing changes.
     pub fn choose(&mut self, choice: Choice) {
-        if self.in_flight || self.state != State::Move {
+        if !self.between_poses() {
             return;
         }
         match choice {

@@ -16,6 +16,10 @@ use crate::signals;
 /// # Errors
 /// [`Failure::Usage`] for files that cannot be used, [`Failure::Failed`] where the devices cannot be made.
 pub fn run(a: &SimArguments, printer: Printer) -> Result<Outcome, Failure> {
+    if a.with_parent {
+        rustix::process::set_parent_process_death_signal(Some(rustix::process::Signal::TERM))
+            .map_err(|e| Failure::failed("the parent cannot be watched", e))?;
+    }
     let instrument = rig::instrument(&a.instrument)?;
     let simulated = Simulated::read(&a.simulated)?;
     let (pty, camera) = simulated.start(&instrument, &instrument.plan, a.kind.into(), Some(&a.pty))?;

@@ -78,7 +78,10 @@ pub fn figures(settings: &Settings) -> Vec<Figure> {
             continue;
         }
         let resumed = poses(&session).unwrap_or_default();
-        unlike += u64::from(!alike(&resumed, &whole));
+        if let Some(what) = difference(&resumed, &whole) {
+            unlike += 1;
+            eprintln!("kill {n}, {kept} poses kept: {what}");
+        }
         if n % 50 == 0 {
             tables += 1;
             other_tables += u64::from(replay(settings, at, "s.mcap") != table);
@@ -211,20 +214,42 @@ fn poses(path: &Path) -> Option<Vec<PoseRecord>> {
     Some(Session::open(path).ok()?.poses().flatten().collect())
 }
 
-/// All that a result can depend on; running numbers and the camera's clock are the run's own.
-fn alike(a: &[PoseRecord], b: &[PoseRecord]) -> bool {
-    a.len() == b.len()
-        && a.iter().zip(b).all(|(a, b)| {
-            a.index == b.index
-                && a.readback == b.readback
-                && a.exposures.len() == b.exposures.len()
-                && a.exposures.iter().zip(&b.exposures).all(|(a, b)| {
-                    a.frame.pixels == b.frame.pixels
-                        && a.frame.exposure == b.frame.exposure
-                        && a.lamp_monitor.to_bits() == b.lamp_monitor.to_bits()
-                        && a.shutter_open == b.shutter_open
-                })
-        })
+/// The first thing that a result can depend on in which two sessions differ; running numbers and the camera's clock are the run's own.
+fn difference(resumed: &[PoseRecord], whole: &[PoseRecord]) -> Option<String> {
+    if resumed.len() != whole.len() {
+        return Some(format!("{} poses, {} uninterrupted", resumed.len(), whole.len()));
+    }
+    for (a, b) in resumed.iter().zip(whole) {
+        if (a.index, a.readback) != (b.index, b.readback) {
+            return Some(format!("pose {} at {:?}, {} at {:?}", a.index, a.readback, b.index, b.readback));
+        }
+        let taken = |p: &PoseRecord| {
+            p.exposures.iter().map(|e| (e.frame.exposure, e.shutter_open)).collect::<Vec<_>>()
+        };
+        if taken(a) != taken(b) {
+            return Some(format!("pose {}: exposures {:?}, uninterrupted {:?}", a.index, taken(a), taken(b)));
+        }
+        for (k, (a_k, b_k)) in a.exposures.iter().zip(&b.exposures).enumerate() {
+            if a_k.frame.pixels != b_k.frame.pixels {
+                let others = a_k.frame.pixels.iter().zip(&b_k.frame.pixels).filter(|(a, b)| a != b).count();
+                let like = b.exposures.iter().position(|e| e.frame.pixels == a_k.frame.pixels);
+                return Some(format!(
+                    "pose {}, exposure {k} of {:?}, shutter {}: {others} pixels differ, like exposure {like:?}",
+                    a.index,
+                    a_k.frame.exposure,
+                    if a_k.shutter_open { "open" } else { "closed" },
+                ));
+            }
+            if a_k.lamp_monitor.to_bits() != b_k.lamp_monitor.to_bits() {
+                let (a_m, b_m) = (a_k.lamp_monitor, b_k.lamp_monitor);
+                return Some(format!(
+                    "pose {}, exposure {k}: lamp monitor {a_m}, uninterrupted {b_m}",
+                    a.index
+                ));
+            }
+        }
+    }
+    None
 }
 
 /// The table of a session, by a white reference of the virtual instrument that is taken once.

@@ -27,6 +27,8 @@ pub struct BenchScan {
     errors: Misalignment,
     map: Arc<PixelMap>,
     noise: Noise,
+    /// Relative standard deviation of the lamp monitor, drawn once a pose.
+    pub monitor_noise: f64,
 }
 
 impl BenchScan {
@@ -39,13 +41,20 @@ impl BenchScan {
             errors: errors.clone(),
             map: Arc::new(PixelMap::new(known)),
             noise: Noise::new(seed),
+            monitor_noise: 0.0,
         }
+    }
+
+    /// All noise from here on from this seed.
+    pub fn reseed(&mut self, seed: u64) {
+        self.noise = Noise::new(seed);
     }
 
     fn pose(&mut self, sample: &Sample, index: u32, readback: Pose, exposures_s: &[f64]) -> PoseRecord {
         let off = self.errors.tilt_zero_deg + self.errors.tilt_repeatability_deg * self.noise.normal();
         let actual = Pose { tilt: readback.tilt + Angle::from_degrees(off), ..readback };
         let rates = self.optics.rate_map(actual, 0.0, sample);
+        let lamp_monitor = 1.0 + self.monitor_noise * self.noise.normal();
         let pose = ((readback.tilt.degrees() * 1e6) as i64, (readback.spin.degrees() * 1e6) as i64);
         let exposures = exposures_s
             .iter()
@@ -68,7 +77,7 @@ impl BenchScan {
                     stamp: Duration::ZERO,
                     sensor_temperature_c: Some(35.0),
                 };
-                Exposure { frame, lamp_monitor: 1.0, shutter_open: true }
+                Exposure { frame, lamp_monitor, shutter_open: true }
             })
             .collect();
         PoseRecord { index, commanded: readback, readback, exposures }
@@ -80,7 +89,11 @@ impl BenchScan {
 
     /// The white reference for samples at these angles of incidence.
     pub fn white(&mut self, tilts: &[f64]) -> WhiteReference {
-        let sample = Sample::diffuser(0.98).with_noise_key(1);
+        self.white_of(&Sample::diffuser(0.98).with_noise_key(1), tilts)
+    }
+
+    /// The same where the reference is not quite what its certificate says.
+    pub fn white_of(&mut self, sample: &Sample, tilts: &[f64]) -> WhiteReference {
         let map = self.map.clone();
         let mut builder =
             WhiteBuilder::new(map.clone(), &Certificate::virtual_white(), Vec::new(), &Options::default())
@@ -90,7 +103,7 @@ impl BenchScan {
         for (k, pose) in once.enumerate() {
             let t = 0.02 / pose.tilt.cos();
             let times: Vec<f64> = (0..REPEATS).flat_map(|_| [t, 4.0 * t]).collect();
-            let record = self.pose(&sample, k as u32, pose, &times);
+            let record = self.pose(sample, k as u32, pose, &times);
             builder.add_pose(&record).expect("frames of this camera");
         }
         builder.finish().expect("the reference is seen")

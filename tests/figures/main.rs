@@ -5,6 +5,7 @@
 mod accuracy;
 mod bench_scan;
 mod coat;
+mod common;
 mod convergence;
 mod demo;
 mod fits;
@@ -100,6 +101,7 @@ const GROUPS: &[Group] = &[
     ("geometry", geometry::figures),
     ("accuracy", accuracy::figures),
     ("sigma", accuracy::sigma),
+    ("common-part", common::figures),
     ("isolines", isolines::figures),
     ("flake-maps", maps::figures),
     ("look-up-speed", look_up::figures),

@@ -21,6 +21,7 @@ mod frames;
 pub mod geometry;
 pub mod holder;
 pub mod journal;
+pub mod lamp;
 mod local_fit;
 pub mod merge;
 pub mod merge_white;

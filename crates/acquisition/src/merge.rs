@@ -245,12 +245,6 @@ fn monitor_spread(frames: &[(&Exposure, f64)]) -> f64 {
     let mut by_time: Vec<(f64, f64)> =
         frames.iter().map(|(e, _)| (e.frame.sequence as f64, e.lamp_monitor)).collect();
     by_time.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let n = by_time.len();
-    if n < 3 {
-        return 0.0;
-    }
-    // second differences know neither level nor drift; their variance is 6 σ²
-    let sum: f64 = by_time.windows(3).map(|v| (v[0].1 - 2.0 * v[1].1 + v[2].1).powi(2)).sum();
-    let mean: f64 = by_time.iter().map(|v| v.1).sum::<f64>() / n as f64;
-    (sum / (6.0 * (n - 2) as f64) / n as f64).sqrt() / mean
+    let readings: Vec<f64> = by_time.iter().map(|v| v.1).collect();
+    crate::lamp::scatter(&readings) / (readings.len() as f64).sqrt()
 }

@@ -14,6 +14,7 @@ use crate::coat::{self, CoatFit, Gloss, Verdict};
 use crate::dark::{DarkFrames, DarkModel};
 use crate::error::AcquisitionError;
 use crate::fill::fill;
+use crate::lamp;
 use crate::merge::{check_frames, merge};
 use crate::options::{ClearCoat, Options};
 use crate::pixel_map::{PixelMap, PoseView};
@@ -220,6 +221,8 @@ impl Reducer {
     fn table(&self, filling: bool) -> (Measured, Budget, usize) {
         let common = Common {
             certificate: self.white.certificate_uncertainty,
+            lamp: lamp::scatter(&self.statistics.iter().map(|s| s.lamp_monitor).collect::<Vec<_>>()),
+            white_lamp: self.white.lamp_relative,
             angle: Angle::from_degrees(self.options.angle_uncertainty_deg),
             lamp_half_angle: self.map.description().lamp.half_angle(),
         };

@@ -41,6 +41,8 @@ pub struct WhiteReference {
     pub relative_variance: Vec<f32>,
     /// Relative standard uncertainty of the certificate, common to everything.
     pub certificate_uncertainty: f64,
+    /// Relative standard uncertainty that the lamp monitor's scatter from pose to pose left, common to everything.
+    pub lamp_relative: f64,
     /// Serial number of the reference.
     pub serial: String,
     /// What was accepted though it should not have been; stands in the attributes.
@@ -57,6 +59,8 @@ pub struct WhiteBuilder {
     dark_frames: DarkFrames,
     dark: DarkModel,
     sums: Vec<Sums>,
+    /// Mean lamp monitor of each pose.
+    monitors: Vec<f64>,
     poses: u32,
 }
 
@@ -64,6 +68,8 @@ pub struct WhiteBuilder {
 struct Sums {
     rate: f64,
     expected: f64,
+    /// Of the poses' shares in `expected`: how few poses a pixel stands on.
+    expected2: f64,
     variance: f64,
     dark_sigma: f64,
 }
@@ -149,6 +155,7 @@ impl WhiteBuilder {
             dark_frames: DarkFrames::default(),
             dark: DarkModel::none(pixels),
             sums: vec![Sums::default(); pixels],
+            monitors: Vec::new(),
             poses: 0,
         })
     }
@@ -199,10 +206,14 @@ impl WhiteBuilder {
             let x = f64::from(m.exposure);
             sum.rate += x * f64::from(m.rate);
             sum.expected += x * a;
+            sum.expected2 += (x * a).powi(2);
             sum.variance += x * x * f64::from(m.shot + m.read);
             // the dark signal is one and the same in every pose
             sum.dark_sigma += x * f64::from(m.dark).sqrt();
         });
+        let lit: Vec<f64> =
+            record.exposures.iter().filter(|e| e.shutter_open).map(|e| e.lamp_monitor).collect();
+        self.monitors.push(lit.iter().sum::<f64>() / lit.len().max(1) as f64);
         self.poses += 1;
         Ok(())
     }
@@ -227,6 +238,14 @@ impl WhiteBuilder {
         if scale.iter().all(|k| k.is_nan()) {
             return Err(AcquisitionError::EmptyReference);
         }
+        let seen: Vec<f64> = self
+            .sums
+            .iter()
+            .filter(|s| s.expected > 0.0)
+            .map(|s| s.expected2 / (s.expected * s.expected))
+            .collect();
+        let share = (seen.iter().sum::<f64>() / seen.len().max(1) as f64).sqrt();
+        let lamp_relative = share * crate::lamp::scatter(&self.monitors);
         let mut scale = scale;
         let strangers = self.drop_pixels_that_see_something_else(&mut scale, &relative_variance);
         let mut notes = self.notes;
@@ -240,6 +259,7 @@ impl WhiteBuilder {
             scale,
             relative_variance,
             certificate_uncertainty: self.certificate.relative_uncertainty,
+            lamp_relative,
             serial: self.certificate.serial,
             notes,
         })

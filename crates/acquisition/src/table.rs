@@ -26,6 +26,10 @@ pub struct Budget {
 pub struct Common {
     /// Relative standard uncertainty of the certificate.
     pub certificate: f64,
+    /// Relative standard deviation of the lamp monitor's reading from pose to pose.
+    pub lamp: f64,
+    /// What the same brought to the white reference, relative.
+    pub white_lamp: f64,
     /// Of a direction.
     pub angle: Angle,
     /// Radius α of the lamp.
@@ -45,6 +49,10 @@ pub fn assemble(grid: &Grid, rows: &[Row], common: &Common, limit_deg: f64) -> (
             .map(|k| if grid.theta_o_deg[k / np] > limit_deg + 1e-9 { None } else { row.cell(k) })
             .collect();
         let angle2 = common.angle.radians().powi(2) + row.off_row().radians().powi(2);
+        // within the poses, between them, and between those of the white reference
+        let lamp2 = row.lamp_relative().powi(2)
+            + common.lamp.powi(2) / f64::from(row.poses().max(1))
+            + common.white_lamp.powi(2);
         for k in 0..no * np {
             let Some(cell) = cells[k] else { continue };
             let slope2 = slope_squared(grid, &cells, k / np, k % np);
@@ -57,7 +65,7 @@ pub fn assemble(grid: &Grid, rows: &[Row], common: &Common, limit_deg: f64) -> (
                     *part = v[c];
                 }
                 parts[6] = (common.certificate * f).powi(2);
-                parts[7] = (row.lamp_relative() * f).powi(2);
+                parts[7] = lamp2 * f * f;
                 parts[8] = (angle2 + cell.off_centre_rad.powi(2)) * slope2[c];
                 out.values[index][c] = f as f32;
                 out.sigma[index][c] = parts.iter().sum::<f64>().sqrt() as f32;

@@ -1,0 +1,92 @@
+//! The part of σ that many cells share, over repeats with the white reference and the lamp's readings drawn anew.
+
+use gonio_acquisition::Options;
+use gonio_brdf::{Flag, Measured};
+use gonio_instrument::{Certificate, Misalignment, builtin};
+use gonio_sim::optics::Sample;
+
+use crate::Figure;
+use crate::bench_scan::BenchScan;
+use crate::noise::Noise;
+
+const SEED: u64 = 1;
+const REPEATS: u64 = 1000;
+/// Reflectance of the sample, a perfect diffuser by the law.
+const REFLECTANCE: f64 = 0.5;
+/// Angles of incidence, degrees: enough poses for the scatter of the lamp's readings.
+const TILTS: [f64; 8] = [10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0, 45.0];
+/// The row that is looked at: one pose.
+const ROW_DEG: f64 = 25.0;
+
+/// Mean of value over truth in one row, and the mean relative size of the part of σ that its cells share.
+fn row(table: &Measured) -> (f64, f64) {
+    let (mut sum, mut common, mut n) = (0.0, 0.0, 0.0);
+    for i in (0..table.grid.len()).filter(|&i| table.flag[i] == Flag::Measured) {
+        let [ti, to, phi] = table.grid.coordinates(i);
+        if (table.grid.theta_i_deg[ti] - ROW_DEG).abs() > 0.1 || (to == 0 && phi > 0) {
+            continue;
+        }
+        for c in 0..3 {
+            let f = f64::from(table.values[i][c]);
+            let shared: f64 = ["certificate", "lamp"]
+                .iter()
+                .filter_map(|p| table.sigma_parts.get(*p))
+                .map(|p| (f64::from(p[i][c]) / f).powi(2))
+                .sum();
+            sum += f / (REFLECTANCE / std::f64::consts::PI);
+            common += shared.sqrt();
+            n += 1.0;
+        }
+    }
+    (sum / n, common / n)
+}
+
+/// z of the common part for readings that scatter by `monitor_noise` from pose to pose.
+fn scores(monitor_noise: f64) -> Vec<f64> {
+    let d = builtin::description("tiny").expect("built in").expect("readable");
+    let certificate = Certificate::virtual_white().relative_uncertainty;
+    let mut bench = BenchScan::new(&d, &Misalignment::default(), SEED);
+    bench.monitor_noise = monitor_noise;
+    let mut noise = Noise::new(SEED);
+    let options = || Options { fill: false, ..Options::default() };
+    // what remains without any error to draw: how the grid and the quadrature see the truth
+    let mut exact = BenchScan::new(&d, &Misalignment::default(), SEED);
+    let white = exact.white(&TILTS);
+    let none = row(&exact.table(&white, &Sample::diffuser(REFLECTANCE), &TILTS, options()).0).0;
+    (0..REPEATS)
+        .map(|repeat| {
+            bench.reseed(SEED + repeat);
+            let real = 0.98 * (1.0 + certificate * noise.normal());
+            let reference = Sample::diffuser(real).with_noise_key(2 * repeat + 2);
+            let white = bench.white_of(&reference, &TILTS);
+            let sample = Sample::diffuser(REFLECTANCE).with_noise_key(2 * repeat + 3);
+            let (value, sigma) = row(&bench.table(&white, &sample, &TILTS, options()).0);
+            (value / none - 1.0) / sigma
+        })
+        .collect()
+}
+
+pub fn figures() -> Vec<Figure> {
+    let mut out = Vec::new();
+    for (name, monitor_noise) in [("certificate", 1e-4), ("lamp readings off by 0.2 %", 2e-3)] {
+        let z = scores(monitor_noise);
+        let n = z.len() as f64;
+        let rms = (z.iter().map(|v| v * v).sum::<f64>() / n).sqrt();
+        let held = z.iter().filter(|v| v.abs() <= 1.959_964).count() as f64 / n;
+        out.push(Figure::within(
+            format!("common part, {name}: z over {n} repeats, r.m.s."),
+            rms,
+            0.95,
+            1.05,
+            Some(SEED),
+        ));
+        out.push(Figure::within(
+            format!("common part, {name}: 95 % intervals that hold"),
+            held,
+            0.93,
+            0.97,
+            Some(SEED),
+        ));
+    }
+    out
+}

@@ -4,6 +4,7 @@
 //! (Golla & Klein 2018, section 3; the θ_flake and θ_inc of the flake maps).
 
 pub mod car_paint;
+pub mod fit;
 pub mod flake_btf;
 
 pub use car_paint::{CarPaint, CarPaintError, CarPaintParts};

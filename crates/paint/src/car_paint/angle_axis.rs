@@ -72,8 +72,7 @@ impl AngleAxis {
     #[must_use]
     pub fn locate(&self, sine: f64) -> (usize, f64) {
         let last = self.sines.len() - 1;
-        // also what is not a number
-        if !(sine > self.sines[0]) {
+        if sine.is_nan() || sine <= self.sines[0] {
             return (0, 0.0);
         }
         if sine >= self.sines[last] {

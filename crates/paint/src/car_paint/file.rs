@@ -117,7 +117,7 @@ pub fn read_paint(bytes: &[u8]) -> Result<(CarPaint, Map<String, Value>), CarPai
             let table = ColourTable::new(
                 angles(&c, "colour_half")?,
                 angles(&c, "colour_incidence")?,
-                triples(values),
+                triples(&values),
             )?;
             Some(table)
         }
@@ -154,7 +154,7 @@ fn take_flakes(c: &mut Container) -> Result<Option<Flakes>, CarPaintError> {
     let texels =
         c.take_f32s("texels").ok_or_else(|| CarPaintError::content("texels", "missing", "the textures"))?;
     let btf =
-        FlakeBtf::new(angles(c, "flakes_half")?, angles(c, "flakes_incidence")?, [w, h], triples(texels))?;
+        FlakeBtf::new(angles(c, "flakes_half")?, angles(c, "flakes_incidence")?, [w, h], triples(&texels))?;
     Ok(Some(Flakes::Slices(FlakeSlices::new(Arc::new(btf), texel_mm)?)))
 }
 
@@ -164,7 +164,7 @@ fn angles(c: &Container, name: &str) -> Result<Vec<Angle>, CarPaintError> {
 }
 
 /// Numbers by three; a rest that makes no colour is left out, which the counts of the axes find.
-fn triples(values: Vec<f32>) -> Vec<[f32; 3]> {
+fn triples(values: &[f32]) -> Vec<[f32; 3]> {
     values.as_chunks::<3>().0.to_vec()
 }
 

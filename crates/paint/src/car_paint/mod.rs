@@ -16,7 +16,7 @@ mod file;
 mod flakes;
 mod guenther;
 #[cfg(test)]
-mod laws;
+pub(crate) mod laws;
 mod paint;
 
 pub use angle_axis::AngleAxis;

@@ -167,8 +167,8 @@ impl CarPaint {
         let mut f = p.diffuse.map(|d| d * FRAC_1_PI);
         for lobe in &p.lobes {
             let value = lobe.value(at.light, at.view);
-            for c in 0..3 {
-                f[c] += lobe.specular[c] * value;
+            for (out, s) in f.iter_mut().zip(lobe.specular) {
+                *out += s * value;
             }
         }
         match &p.colour {

@@ -168,6 +168,11 @@ impl Field {
         out
     }
 
+    /// A pair of directions, to be asked at many places.
+    pub(crate) fn prepared(&self, light: Vec3, view: Vec3) -> Prepared<'_> {
+        Prepared { field: self, seen: self.seen(light, view) }
+    }
+
     pub(super) fn texel_seen(&self, column: usize, row: usize, s: &Seen) -> Rgb {
         let t = (row % self.side) * self.side + column % self.side;
         let range = self.starts[t] as usize..self.starts[t + 1] as usize;
@@ -224,6 +229,12 @@ impl Field {
         })
     }
 
+    /// The mean over the surface and over the tilts flakes are drawn from, 1/sr.
+    #[must_use]
+    pub fn mean_value(&self, light: Vec3, view: Vec3) -> Rgb {
+        self.seen(light, view).map_or([0.0; 3], |s| self.mean_at(&s))
+    }
+
     fn mean_at(&self, s: &Seen) -> Rgb {
         let mut sum = self.paint.diffuse.map(|d| self.bare * d * FRAC_1_PI);
         let slope2 = s.slope[0] * s.slope[0] + s.slope[1] * s.slope[1];
@@ -245,13 +256,31 @@ impl Field {
     }
 }
 
+/// A tile under one light, seen from one side.
+pub(crate) struct Prepared<'a> {
+    field: &'a Field,
+    seen: Option<Seen>,
+}
+
+impl Prepared<'_> {
+    /// f of the texel at a place in the tile's plane, mm.
+    pub(crate) fn at(&self, place_mm: [f64; 2]) -> Rgb {
+        let f = self.field;
+        let along = |x: f64| {
+            let texels = (x / f.paint.tile_mm * f.side as f64).floor().rem_euclid(f.side as f64);
+            (texels as usize).min(f.side - 1)
+        };
+        self.seen.as_ref().map_or([0.0; 3], |s| f.texel_seen(along(place_mm[0]), along(place_mm[1]), s))
+    }
+}
+
 /// The mean of a flake paint over its surface and over the tilts that its flakes are drawn from.
 #[derive(Clone, Debug)]
 pub struct MeanPaint(Arc<Field>);
 
 impl Brdf for MeanPaint {
     fn eval(&self, light: Vec3, view: Vec3) -> Rgb {
-        self.0.seen(light, view).map_or([0.0; 3], |s| self.0.mean_at(&s))
+        self.0.mean_value(light, view)
     }
 
     // Beckmann's α² is twice the variance of the slope, and 2/α² the exponent of the same curvature

@@ -13,6 +13,9 @@ const STRIDE: usize = 3;
 /// Pixels that the bracketing of a pose looks at: those that see the sample flatter than what a reference covers are left to chance.
 #[must_use]
 pub fn interest(map: &PixelMap, readback: Pose) -> Vec<bool> {
+    if map.description().textures().is_some() {
+        return crate::texture::interest(map.description(), readback);
+    }
     let visibility = map.visibility(readback);
     let limit = WHITE_LIMIT_DEG.to_radians().cos();
     (0..map.width() * map.height())

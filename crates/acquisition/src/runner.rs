@@ -83,7 +83,8 @@ pub fn run(
     observer: &mut dyn Observer,
 ) -> Outcome {
     let start = Instant::now();
-    if setup.exposure_needs.is_empty() {
+    // a texture camera looks straight at the sample: there the cosine of the tilt tells
+    if setup.exposure_needs.is_empty() && map.description().textures().is_none() {
         setup.exposure_needs = exposure_needs(map, &setup.poses);
     }
     // of what an earlier run measured a choice follows at once

@@ -4,5 +4,6 @@
 //! (Golla & Klein 2018, section 3; the θ_flake and θ_inc of the flake maps).
 
 pub mod flake_btf;
+pub mod transport;
 
 pub use flake_btf::{FlakeBtf, FlakeBtfError};

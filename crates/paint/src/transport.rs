@@ -28,9 +28,7 @@ pub use solve::{Problem, Solver, solve_all};
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum TransportError {
     /// A side without places.
-    #[error(
-        "a transport problem needs places on both sides, found {sources} sources and {targets} targets"
-    )]
+    #[error("a transport problem needs places on both sides, found {sources} sources and {targets} targets")]
     Empty {
         /// Sources.
         sources: usize,
@@ -38,7 +36,9 @@ pub enum TransportError {
         targets: usize,
     },
     /// A mass that is none.
-    #[error("mass {found} at {side} {place} is not a finite number of at least 0; mend or leave out that place")]
+    #[error(
+        "mass {found} at {side} {place} is not a finite number of at least 0; mend or leave out that place"
+    )]
     Mass {
         /// `source` or `target`.
         side: &'static str,
@@ -54,7 +54,9 @@ pub enum TransportError {
         side: &'static str,
     },
     /// Totals that differ.
-    #[error("the sources hold {supply} and the targets {demand} in all; both must be equal: scale one of them")]
+    #[error(
+        "the sources hold {supply} and the targets {demand} in all; both must be equal: scale one of them"
+    )]
     Unbalanced {
         /// Total of the sources.
         supply: f64,
@@ -74,7 +76,9 @@ pub enum TransportError {
         found: usize,
     },
     /// A cost that is not a finite number.
-    #[error("the cost from source {source_place} to target {target_place} is {found}, expected a finite number")]
+    #[error(
+        "the cost from source {source_place} to target {target_place} is {found}, expected a finite number"
+    )]
     Cost {
         /// From 0.
         source_place: usize,
@@ -84,7 +88,9 @@ pub enum TransportError {
         found: f64,
     },
     /// Costs so unlike each other that rounding decides.
-    #[error("no optimum within {pivots} steps: the costs span too many orders of magnitude (largest {largest}); scale them")]
+    #[error(
+        "no optimum within {pivots} steps: the costs span too many orders of magnitude (largest {largest}); scale them"
+    )]
     Stalled {
         /// Steps taken.
         pivots: usize,

@@ -100,20 +100,21 @@ impl Basis {
 
     /// Where the paths of the two ends meet, and the arc that gives out first on the way round.
     fn leaving(&self, i: usize, j: usize) -> (usize, Leaving) {
+        let (size, flow, parent) = (&self.size[..], &self.flow[..], &self.parent[..]);
         let mut best = Leaving { child: i, on_source_side: true, flow: i64::MAX };
         let (mut x, mut y) = (i, j);
         while x != y {
             // the smaller subtree cannot hold the other node
-            if self.size[x] < self.size[y] {
-                if x < self.sources && self.flow[x] < best.flow {
-                    best = Leaving { child: x, on_source_side: true, flow: self.flow[x] };
+            if size[x] < size[y] {
+                if x < self.sources && flow[x] < best.flow {
+                    best = Leaving { child: x, on_source_side: true, flow: flow[x] };
                 }
-                x = self.parent[x] as usize;
+                x = parent[x] as usize;
             } else {
-                if y >= self.sources && self.flow[y] < best.flow {
-                    best = Leaving { child: y, on_source_side: false, flow: self.flow[y] };
+                if y >= self.sources && flow[y] < best.flow {
+                    best = Leaving { child: y, on_source_side: false, flow: flow[y] };
                 }
-                y = self.parent[y] as usize;
+                y = parent[y] as usize;
             }
         }
         (x, best)
@@ -124,23 +125,16 @@ impl Basis {
     pub fn pivot(&mut self, i: usize, j: usize, reduced: f64, potentials: &mut [f64]) {
         let (join, leaving) = self.leaving(i, j);
         let step = leaving.flow;
+        let (flow, parent) = (&mut self.flow[..], &self.parent[..]);
         let mut x = i;
         while x != join {
-            if x < self.sources {
-                self.flow[x] -= step;
-            } else {
-                self.flow[x] += step;
-            }
-            x = self.parent[x] as usize;
+            flow[x] += if x < self.sources { -step } else { step };
+            x = parent[x] as usize;
         }
         let mut y = j;
         while y != join {
-            if y < self.sources {
-                self.flow[y] += step;
-            } else {
-                self.flow[y] -= step;
-            }
-            y = self.parent[y] as usize;
+            flow[y] += if y < self.sources { step } else { -step };
+            y = parent[y] as usize;
         }
         let (moved, onto) = if leaving.on_source_side { (i, j) } else { (j, i) };
         let by = if leaving.on_source_side { reduced } else { -reduced };
@@ -151,68 +145,68 @@ impl Basis {
 
     /// Cuts the subtree of `cut` off, makes `root` its root and hangs it below `onto`.
     fn hang(&mut self, cut: usize, root: usize, onto: usize, join: usize, step: i64) {
-        let start = self.place[cut] as usize;
-        let count = self.size[cut];
+        let (order, place, size, parent, flow) = (
+            &mut self.order[..],
+            &mut self.place[..],
+            &mut self.size[..],
+            &mut self.parent[..],
+            &mut self.flow[..],
+        );
+        let start = place[cut] as usize;
+        let count = size[cut];
         let length = count as usize;
         // ancestors of both sides below the join
-        let mut x = self.parent[cut] as usize;
+        let mut x = parent[cut] as usize;
         while x != join {
-            self.size[x] -= count;
-            x = self.parent[x] as usize;
+            size[x] -= count;
+            x = parent[x] as usize;
         }
-        let end_of_onto = self.place[onto] as usize + self.size[onto] as usize;
+        let end_of_onto = place[onto] as usize + size[onto] as usize;
         let mut x = onto;
         while x != join {
-            self.size[x] += count;
-            x = self.parent[x] as usize;
+            size[x] += count;
+            x = parent[x] as usize;
         }
         // preorder, parents, sizes and flows of the subtree seen from its new root
-        self.run.clear();
+        let run = &mut self.run;
+        run.clear();
         let (mut node, mut new_parent, mut new_flow) = (root, onto as u32, step);
-        let (mut below_start, mut below_size) = (0, 0);
-        let mut below_place = None;
+        let (mut below_start, mut below_end) = (0, 0);
         loop {
-            let (at, size) = (self.place[node] as usize, self.size[node]);
-            match below_place {
-                None => self.run.extend_from_slice(&self.order[at..at + size as usize]),
-                Some(_) => {
-                    self.run.extend_from_slice(&self.order[at..below_start]);
-                    self.run.extend_from_slice(&self.order[below_start + below_size as usize..at + size as usize]);
-                }
+            let at = place[node] as usize;
+            let end = at + size[node] as usize;
+            if below_end == 0 {
+                run.extend_from_slice(&order[at..end]);
+            } else {
+                run.extend_from_slice(&order[at..below_start]);
+                run.extend_from_slice(&order[below_end..end]);
             }
-            let (old_parent, old_flow) = (self.parent[node], self.flow[node]);
-            self.parent[node] = new_parent;
-            self.flow[node] = new_flow;
-            self.size[node] = count - below_size;
+            let (old_parent, old_flow) = (parent[node], flow[node]);
+            parent[node] = new_parent;
+            flow[node] = new_flow;
+            size[node] = count - (below_end - below_start) as u32;
             if node == cut {
                 break;
             }
-            below_place = Some(at);
-            (below_start, below_size) = (at, size);
+            (below_start, below_end) = (at, end);
             new_parent = node as u32;
             new_flow = old_flow;
             node = old_parent as usize;
         }
         // move the run to behind its new parent, or to the end of that one's subtree, whichever is nearer
-        let behind_onto = self.place[onto] as usize + 1;
-        let place = if start >= behind_onto {
+        let behind_onto = place[onto] as usize + 1;
+        let (to, changed) = if start >= behind_onto {
             let to = if end_of_onto <= start { end_of_onto } else { behind_onto };
-            self.order.copy_within(to..start, to + length);
-            for k in to + length..start + length {
-                self.place[self.order[k] as usize] = k as u32;
-            }
-            to
+            order.copy_within(to..start, to + length);
+            (to, to..start + length)
         } else {
-            self.order.copy_within(start + length..behind_onto, start);
-            let to = behind_onto - length;
-            for k in start..to {
-                self.place[self.order[k] as usize] = k as u32;
-            }
-            to
+            order.copy_within(start + length..behind_onto, start);
+            (behind_onto - length, start..behind_onto)
         };
-        for (k, &x) in self.run.iter().enumerate() {
-            self.order[place + k] = x;
-            self.place[x as usize] = (place + k) as u32;
+        order[to..to + length].copy_from_slice(run);
+        let first = changed.start;
+        for (k, &x) in order[changed].iter().enumerate() {
+            place[x as usize] = (first + k) as u32;
         }
     }
 }

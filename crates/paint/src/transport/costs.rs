@@ -51,6 +51,7 @@ impl Costs<'_> {
     }
 }
 
+#[inline(always)]
 fn distance(p: [f64; 3], q: [f64; 3]) -> f64 {
     let d = [p[0] - q[0], p[1] - q[1], p[2] - q[2]];
     (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt()
@@ -58,6 +59,7 @@ fn distance(p: [f64; 3], q: [f64; 3]) -> f64 {
 
 impl Table {
     /// Costs between the places `rows` and `columns`.
+    #[inline(always)]
     pub fn fill(
         &mut self,
         costs: Costs<'_>,

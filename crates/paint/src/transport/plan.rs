@@ -78,8 +78,10 @@ impl Plan {
     pub fn proof(&self, problem: &Problem<'_>) -> Proof {
         let targets = problem.demand.len();
         let cost = self.cost(problem);
-        let weighted = |masses: &[f64], prices: &[f64]| -> f64 { masses.iter().zip(prices).map(|(m, p)| m * p).sum() };
-        let prices = weighted(problem.supply, &self.source_prices) + weighted(problem.demand, &self.target_prices);
+        let weighted =
+            |masses: &[f64], prices: &[f64]| -> f64 { masses.iter().zip(prices).map(|(m, p)| m * p).sum() };
+        let prices =
+            weighted(problem.supply, &self.source_prices) + weighted(problem.demand, &self.target_prices);
         let (mut infeasible, mut scale) = (0.0_f64, 0.0_f64);
         for (i, u) in self.source_prices.iter().enumerate() {
             for (j, v) in self.target_prices.iter().enumerate() {

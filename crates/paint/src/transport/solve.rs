@@ -32,7 +32,8 @@ pub struct Solver {
 }
 
 /// Rows priced before the best of their paths is taken.
-const BLOCK: usize = 10;
+const BLOCK: usize = 7;
+
 /// A path is taken up if it saves more than this part of the largest cost: below, rounding speaks.
 const WORTH: f64 = 1e-13;
 
@@ -52,10 +53,11 @@ impl Solver {
         let (sources, targets) = (problem.supply.len(), problem.demand.len());
         self.units.fill(problem.supply, problem.demand)?;
         problem.costs.check(sources, targets)?;
-        self.table.fill(problem.costs, targets, &self.units.rows, &self.units.columns)?;
+        let arch = pulp::Arch::new();
+        arch.dispatch(|| self.table.fill(problem.costs, targets, &self.units.rows, &self.units.columns))?;
         self.perturb();
         let (ns, nt) = (self.units.supply.len(), self.units.demand.len());
-        self.start.fill(&self.table, &self.units.supply, &self.units.demand);
+        arch.dispatch(|| self.start.fill(&self.table, &self.units.supply, &self.units.demand));
         self.basis.plant(ns, nt, &self.start.cells);
         // targets are padded to whole lanes; the padding costs infinitely much and is never chosen
         self.potentials.clear();
@@ -63,7 +65,7 @@ impl Solver {
         let mut pivots = 0;
         loop {
             self.potentials_from_tree();
-            let made = self.improve(pivots)?;
+            let made = arch.dispatch(|| self.improve(pivots))?;
             pivots += made;
             // prices from the tree again, free of what many shifts have summed up: done when these too find nothing
             if made == 0 {
@@ -97,14 +99,16 @@ impl Solver {
     }
 
     /// Pivots until a whole round finds nothing worth taking up; their number.
+    #[inline(always)]
     fn improve(&mut self, before: usize) -> Result<usize, TransportError> {
         let ns = self.basis.sources;
+        let block = BLOCK.min(ns);
         let worth = -WORTH * self.table.largest * f64::from(u16::try_from(ns).unwrap_or(u16::MAX)).sqrt();
         let limit = 1_000 + 20 * self.table.values.len();
         let (mut row, mut idle, mut pivots) = (0, 0, 0);
         while idle < ns {
             let (mut best, mut best_row, mut best_least) = (worth, 0, 0.0);
-            for _ in 0..BLOCK.min(ns) {
+            for _ in 0..block {
                 let pi = &self.potentials[ns..];
                 let least = row_least(self.table.row(row), pi);
                 let reduced = least - self.potentials[row];
@@ -125,7 +129,7 @@ impl Solver {
                     });
                 }
             } else {
-                idle += BLOCK;
+                idle += block;
             }
         }
         Ok(pivots)

@@ -1,7 +1,7 @@
-//! A first basis: each source ships to the target that is cheapest for it beyond what every other source would pay there.
+//! A first basis, by regret (Vogel's rule on rows): the source that would lose most by missing its best target ships first.
 
 use super::costs::{LANES, Table};
-use super::pricing::{row_least, row_place};
+use super::pricing::{row_least, row_place, two_least};
 
 /// A cell of the basis and its flow.
 #[derive(Clone, Copy, Debug)]
@@ -14,46 +14,76 @@ pub(super) struct Cell {
 /// Scratch of the start.
 #[derive(Debug, Default)]
 pub(super) struct Start {
-    offset: Vec<f64>,
+    /// Infinite where a target is full.
+    closed: Vec<f64>,
     left: Vec<i64>,
+    mass: Vec<i64>,
+    /// Costs of each source's best and second best open target.
+    least: Vec<f64>,
+    next: Vec<f64>,
+    urgency: Vec<f64>,
+    zeros: Vec<f64>,
     pub cells: Vec<Cell>,
 }
 
 impl Start {
     /// Fills `cells` with a feasible spanning tree of `supply.len() + demand.len() − 1` cells. The masses are perturbed, so a source
     /// and a target are never used up at once before the last cell.
+    #[inline(always)]
     pub fn fill(&mut self, table: &Table, supply: &[i64], demand: &[i64]) {
-        let (ns, nt) = (supply.len(), demand.len());
+        let ns = supply.len();
         self.cells.clear();
         self.left.clear();
         self.left.extend_from_slice(demand);
-        // column reduction: −min_i w_ij
-        self.offset.clear();
-        self.offset.resize(table.stride, f64::INFINITY);
+        self.closed.clear();
+        self.closed.resize(table.stride, 0.0);
+        self.mass.clear();
+        self.mass.extend_from_slice(supply);
+        let padded = ns.next_multiple_of(LANES);
+        self.next.clear();
+        self.least.clear();
+        self.urgency.clear();
+        self.urgency.resize(padded, f64::INFINITY);
+        self.zeros.clear();
+        self.zeros.resize(padded, 0.0);
         for i in 0..ns {
-            for (o, c) in self.offset.iter_mut().zip(table.row(i)) {
-                *o = if *c < *o { *c } else { *o };
+            let [least, next] = two_least(table.row(i), &self.closed);
+            self.least.push(least);
+            self.next.push(next);
+            self.urgency[i] = urgency(least, next);
+        }
+        let mut open = ns;
+        while open > 0 {
+            let i = row_place(&self.urgency, &self.zeros, row_least(&self.urgency, &self.zeros));
+            let j = row_place(table.row(i), &self.closed, self.least[i]);
+            let flow = self.mass[i].min(self.left[j]);
+            self.cells.push(Cell { row: i as u32, column: j as u32, flow });
+            self.mass[i] -= flow;
+            self.left[j] -= flow;
+            if self.mass[i] == 0 {
+                self.urgency[i] = f64::INFINITY;
+                self.next[i] = f64::NEG_INFINITY;
+                open -= 1;
             }
-        }
-        for o in &mut self.offset[..nt] {
-            *o = -*o;
-        }
-        self.offset[nt..].fill(0.0);
-        debug_assert!(self.offset.len().is_multiple_of(LANES));
-        for (i, mass) in supply.iter().enumerate() {
-            let mut mass = *mass;
-            let row = table.row(i);
-            while mass > 0 {
-                let least = row_least(row, &self.offset);
-                let j = row_place(row, &self.offset, least);
-                let flow = mass.min(self.left[j]);
-                self.cells.push(Cell { row: i as u32, column: j as u32, flow });
-                mass -= flow;
-                self.left[j] -= flow;
-                if self.left[j] == 0 {
-                    self.offset[j] = f64::INFINITY;
+            if self.left[j] == 0 {
+                self.closed[j] = f64::INFINITY;
+                for k in 0..ns {
+                    let row = table.row(k);
+                    // its best or second target is gone, or one as dear as these
+                    if row[j] <= self.next[k] {
+                        let [least, next] = two_least(row, &self.closed);
+                        self.least[k] = least;
+                        self.next[k] = next;
+                        self.urgency[k] = urgency(least, next);
+                    }
                 }
             }
         }
     }
+}
+
+/// Minus what it costs a source to be late: the difference of its second best target from its best.
+#[inline(always)]
+fn urgency(least: f64, next: f64) -> f64 {
+    if next < f64::INFINITY { least - next } else { -f64::MAX }
 }

@@ -77,7 +77,13 @@ fn masses(kind: Kind, n: usize, numbers: &mut Numbers) -> Vec<f64> {
     let mut masses: Vec<f64> = (0..n)
         .map(|_| match kind {
             Kind::EqualMasses => 1.0,
-            Kind::ZeroMasses => if numbers.below(2) == 0 { 0.0 } else { numbers.unit() },
+            Kind::ZeroMasses => {
+                if numbers.below(2) == 0 {
+                    0.0
+                } else {
+                    numbers.unit()
+                }
+            }
             Kind::SmallCounts | Kind::Lattice => numbers.below(4) as f64,
             Kind::Spread => 10_f64.powf(-15.0 * numbers.unit()),
             _ => numbers.unit(),

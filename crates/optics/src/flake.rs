@@ -31,7 +31,12 @@ impl FlakeVectors {
     /// Of two unit directions outside a coat of `index` (1 for none).
     #[must_use]
     pub fn new(l: Vec3, v: Vec3, index: f64) -> Self {
-        let (l, v) = (refract(l, index), refract(v, index));
+        Self::inside(refract(l, index), refract(v, index))
+    }
+
+    /// Of two unit directions inside the coat.
+    #[must_use]
+    pub fn inside(l: Vec3, v: Vec3) -> Self {
         let s = l + v;
         let sum_xy = s.x.hypot(s.y);
         Self { sum: sum_xy.hypot(s.z), difference: (l - v).norm(), sum_xy, sum_z: s.z }

@@ -12,11 +12,11 @@ pub(super) fn row_least(costs: &[f64], pi: &[f64]) -> f64 {
             least[k] = if x < least[k] { x } else { least[k] };
         }
     }
-    let mut half = [0.0; LANES / 2];
-    for k in 0..LANES / 2 {
-        half[k] = least[k].min(least[k + LANES / 2]);
+    let mut all = f64::INFINITY;
+    for x in least {
+        all = if x < all { x } else { all };
     }
-    (half[0].min(half[1])).min(half[2].min(half[3]))
+    all
 }
 
 /// Column at which `w + π` is `least`, which [`row_least`] found.
@@ -47,13 +47,13 @@ pub(super) fn two_least(costs: &[f64], pi: &[f64]) -> [f64; 2] {
             least[k] = if x < least[k] { x } else { least[k] };
         }
     }
-    let (mut a, mut b) = (f64::INFINITY, f64::INFINITY);
-    for x in least.into_iter().chain(next) {
-        if x < a {
-            (a, b) = (x, a);
-        } else if x < b {
-            b = x;
+    let (mut first, mut second) = (f64::INFINITY, f64::INFINITY);
+    for k in 0..LANES {
+        for x in [least[k], next[k]] {
+            let above = if x < first { first } else { x };
+            second = if above < second { above } else { second };
+            first = if x < first { x } else { first };
         }
     }
-    [a, b]
+    [first, second]
 }

@@ -1,5 +1,6 @@
 //! The simplex itself: price a block of rows, take the best path up, until no path is worth it.
 
+use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
 use super::basis::Basis;
@@ -53,11 +54,11 @@ impl Solver {
         let (sources, targets) = (problem.supply.len(), problem.demand.len());
         self.units.fill(problem.supply, problem.demand)?;
         problem.costs.check(sources, targets)?;
-        let arch = pulp::Arch::new();
-        arch.dispatch(|| self.table.fill(problem.costs, targets, &self.units.rows, &self.units.columns))?;
+        let arch = Arch::new();
+        arch.dispatch(Costing { table: &mut self.table, costs: problem.costs, targets, units: &self.units })?;
         self.perturb();
         let (ns, nt) = (self.units.supply.len(), self.units.demand.len());
-        arch.dispatch(|| self.start.fill(&self.table, &self.units.supply, &self.units.demand));
+        arch.dispatch(Starting { start: &mut self.start, table: &self.table, units: &self.units });
         self.basis.plant(ns, nt, &self.start.cells);
         // targets are padded to whole lanes; the padding costs infinitely much and is never chosen
         self.potentials.clear();
@@ -65,7 +66,7 @@ impl Solver {
         let mut pivots = 0;
         loop {
             self.potentials_from_tree();
-            let made = arch.dispatch(|| self.improve(pivots))?;
+            let made = arch.dispatch(Improving { solver: self, before: pivots })?;
             pivots += made;
             // prices from the tree again, free of what many shifts have summed up: done when these too find nothing
             if made == 0 {
@@ -166,6 +167,52 @@ impl Solver {
         }
         price_empty_places(problem, &mut plan);
         plan
+    }
+}
+
+/// The loops over costs, compiled for the widest registers of the machine as well.
+struct Costing<'a> {
+    table: &'a mut Table,
+    costs: Costs<'a>,
+    targets: usize,
+    units: &'a Units,
+}
+
+impl WithSimd for Costing<'_> {
+    type Output = Result<(), TransportError>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> Self::Output {
+        self.table.fill(self.costs, self.targets, &self.units.rows, &self.units.columns)
+    }
+}
+
+struct Starting<'a> {
+    start: &'a mut Start,
+    table: &'a Table,
+    units: &'a Units,
+}
+
+impl WithSimd for Starting<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        self.start.fill(self.table, &self.units.supply, &self.units.demand);
+    }
+}
+
+struct Improving<'a> {
+    solver: &'a mut Solver,
+    before: usize,
+}
+
+impl WithSimd for Improving<'_> {
+    type Output = Result<usize, TransportError>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> Self::Output {
+        self.solver.improve(self.before)
     }
 }
 

@@ -7,6 +7,7 @@ pub mod btf_folder;
 pub mod car_paint;
 pub mod fit;
 pub mod flake_btf;
+pub mod mixing;
 pub mod statistics;
 pub mod transport;
 

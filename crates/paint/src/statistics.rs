@@ -14,7 +14,7 @@ mod octree;
 mod random;
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 pub use clusters::{Cluster, FlakeStatistics, StatisticsError, StatisticsOptions};
 pub use draw::Drawn;

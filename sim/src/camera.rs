@@ -13,7 +13,7 @@ use gonio_instrument::{Camera, CameraInfo, Cancel, Description, DeviceError, Fra
 use serde::{Deserialize, Serialize};
 
 use crate::optics::sensor::{Conditions, NoiseKey};
-use crate::optics::{RateMap, Sample, Sensor, VirtualOptics};
+use crate::optics::{RateMap, Sample, Sensor, TextureOptics, VirtualOptics};
 use crate::world::{State, World};
 
 /// The sensor is this much warmer than the air, K.
@@ -49,6 +49,8 @@ pub struct CameraFaults {
 pub struct VirtualCamera {
     world: World,
     optics: Arc<VirtualOptics>,
+    /// In place of the optics where the frames are those of the texture camera.
+    textures: Option<TextureOptics>,
     sample: Arc<Sample>,
     sensor: Arc<Sensor>,
     info: CameraInfo,
@@ -105,6 +107,7 @@ impl VirtualCamera {
         Self {
             world,
             optics: Arc::new(VirtualOptics::new(instrument, errors)),
+            textures: TextureOptics::new(instrument, errors),
             sample: Arc::new(sample),
             sensor: Arc::new(Sensor::new(instrument, seed)),
             info: CameraInfo {
@@ -155,7 +158,10 @@ impl VirtualCamera {
         {
             return Arc::clone(map);
         }
-        let map = Arc::new(self.optics.rate_map(state.actual, state.sample_height_mm, &self.sample));
+        let map = Arc::new(match &self.textures {
+            Some(t) => t.rate_map(state.actual, &self.sample),
+            None => self.optics.rate_map(state.actual, state.sample_height_mm, &self.sample),
+        });
         self.map = Some((key, Arc::clone(&map)));
         map
     }

@@ -9,6 +9,7 @@
 
 pub mod camera;
 pub mod firmware;
+pub mod flakes;
 pub mod optics;
 pub mod truth;
 pub mod world;

@@ -1,10 +1,12 @@
-//! The truth of a virtual sample: a `model.json` or a measured table (native NetCDF or CSV grid), told apart by content and checked.
+//! The truth of a virtual sample: a `model.json`, a paint of single flakes (TOML) or a measured table (native NetCDF or CSV grid), told apart by content and checked.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use gonio_brdf::formats::{self, FormatError, Problem, measured_csv, netcdf};
 use gonio_brdf::{Flag, Measured, ModelError, ModelFile};
 
+use crate::flakes::{Field, FlakePaint, FlakePaintError};
 use crate::optics::Sample;
 
 /// A truth that cannot be used.
@@ -19,9 +21,12 @@ pub enum TruthError {
     /// Not a usable model.
     #[error("truth: {0}")]
     Model(#[from] ModelError),
+    /// Not a usable flake paint.
+    #[error("truth: {0}")]
+    Flakes(#[from] FlakePaintError),
     /// Neither a model nor a table.
     #[error(
-        "truth begins with {beginning:?}: expected a model.json, a measured .nc of this program or a measured CSV grid; convert it with `gonio convert`"
+        "truth begins with {beginning:?}: expected a model.json, a flake paint (TOML), a measured .nc of this program or a measured CSV grid; convert it with `gonio convert`"
     )]
     Unknown {
         /// The first bytes, as text.
@@ -73,6 +78,8 @@ pub enum Truth {
     Model(Box<ModelFile>),
     /// A table, interpolated between its nodes. A gloss in it stays as wide as its nodes make it.
     Table(Box<Measured>),
+    /// A paint of single flakes.
+    Flakes(Arc<Field>),
 }
 
 impl Truth {
@@ -95,6 +102,9 @@ impl Truth {
         let text = std::str::from_utf8(bytes).ok().map(str::trim_start);
         match text {
             Some(t) if t.starts_with('{') => Ok(Self::Model(Box::new(ModelFile::from_json(t)?))),
+            Some(t) if FlakePaint::is_one(t) => {
+                Ok(Self::Flakes(Arc::new(Field::new(FlakePaint::from_toml(t)?)?)))
+            }
             Some(t) if t.starts_with("theta_i_deg") => match measured_csv::read(bytes)? {
                 measured_csv::Contents::Table(table) => Self::checked(*table),
                 measured_csv::Contents::Scattered(_) => Err(TruthError::Scattered),
@@ -135,6 +145,7 @@ impl Truth {
         match self {
             Self::Model(file) => Sample::model((**file).clone()),
             Self::Table(table) => Sample::table((**table).clone()),
+            Self::Flakes(field) => Sample::flakes(field),
         }
     }
 }

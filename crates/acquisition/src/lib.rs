@@ -34,6 +34,7 @@ pub mod runner;
 pub mod sensor;
 pub mod statistics;
 pub mod table;
+pub mod texture;
 pub mod weights;
 
 pub use coat::{CoatFit, Gloss, Verdict};

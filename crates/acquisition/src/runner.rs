@@ -299,6 +299,9 @@ impl Hands<'_> {
 /// Pixels that bracketing cares for: those that see the sample below grazing.
 fn interest(map: &PixelMap, readback: Pose) -> Vec<bool> {
     use rayon::prelude::*;
+    if map.description().textures().is_some() {
+        return crate::texture::interest(map.description(), readback);
+    }
     let visibility = map.visibility(readback);
     let limit = WHITE_LIMIT_DEG.to_radians().cos();
     (0..map.width() * map.height())

@@ -6,7 +6,7 @@
 use gonio_optics::{Angle, Vec3};
 use serde::{Deserialize, Serialize};
 
-use crate::{BayerPattern, FileError, Misalignment, Plan};
+use crate::{BayerPattern, FileError, Misalignment, Plan, TextureCamera};
 
 /// Format name in the file.
 pub const FORMAT: &str = "gonio-instrument";
@@ -36,6 +36,9 @@ pub struct Description {
     pub holder: Holder,
     /// The plan used where none is given.
     pub plan: Plan,
+    /// The texture camera; where it is left out, [`TextureCamera::standard`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub texture: Option<TextureCamera>,
     /// What a geometric calibration found, to be applied to the nominal geometry above.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub calibration: Option<Misalignment>,
@@ -332,6 +335,9 @@ impl Description {
                 h.tilt_limits_deg,
                 "[low, high] within ±90",
             ));
+        }
+        if let Some(t) = &self.texture {
+            t.check()?;
         }
         self.plan.check(self)
     }

@@ -16,6 +16,7 @@ pub mod misalignment;
 pub mod plan;
 pub mod pose;
 pub mod sample;
+pub mod texture;
 
 pub use cancel::{Cancel, Stopping};
 pub use certificate::Certificate;
@@ -28,3 +29,4 @@ pub use misalignment::Misalignment;
 pub use plan::Plan;
 pub use pose::Pose;
 pub use sample::{SampleRecord, ScanKind};
+pub use texture::TextureCamera;

@@ -13,8 +13,10 @@ mod pixel_mean;
 pub mod radiance;
 pub mod sample;
 pub mod sensor;
+pub mod texture;
 mod turn;
 
 pub use radiance::{RateMap, Sight, VirtualOptics};
 pub use sample::Sample;
 pub use sensor::Sensor;
+pub use texture::TextureOptics;

@@ -124,11 +124,6 @@ impl<'a> Averager<'a> {
         self.lit
     }
 
-    /// Mean over a whole pixel, k included.
-    pub fn patch(&self, patch: &Patch, channel: usize) -> f64 {
-        self.smooth_part(patch, channel) + self.gloss_part(patch)
-    }
-
     /// Value for one direction, averaged over the lamp alone; for places inside pixels that are only partly free.
     pub fn place(&self, look: Look, channel: usize) -> f64 {
         let base: f64 = self.radon.iter().map(|(l, w)| w * self.value(l, look.view, channel)).sum();
@@ -145,7 +140,8 @@ impl<'a> Averager<'a> {
         if l.cosine <= 0.0 { 0.0 } else { self.base.eval(l.light, view)[channel] * l.cosine }
     }
 
-    fn smooth_part(&self, patch: &Patch, channel: usize) -> f64 {
+    /// Mean over a whole pixel, k included, without the gloss of a smooth surface.
+    pub fn smooth_part(&self, patch: &Patch, channel: usize) -> f64 {
         let middle = patch.at(0.5, 0.5);
         let single = middle.k * self.value(&self.centre, middle.view, channel);
         let (mut sum, mut low, mut high) = (0.0, f64::INFINITY, 0.0f64);
@@ -201,7 +197,7 @@ impl<'a> Averager<'a> {
     }
 
     /// `k F/Ω` times the share of the pixel that sees the lamp's mirror image.
-    fn gloss_part(&self, patch: &Patch) -> f64 {
+    pub fn gloss_part(&self, patch: &Patch) -> f64 {
         let Some(index) = self.gloss_index else { return 0.0 };
         let middle = patch.at(0.5, 0.5);
         let reach = patch.0.iter().map(|c| (c.view - middle.view).norm()).fold(0.0, f64::max);

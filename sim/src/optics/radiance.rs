@@ -20,6 +20,7 @@ use super::lamp::Lamp;
 use super::mirror::Ellipsoid;
 use super::pixel_mean::{Averager, Look, Patch};
 use super::sample::Sample;
+use crate::flakes::Field;
 
 /// White albedo and time that fix the scale.
 const SCALE_ALBEDO: f64 = 0.98;
@@ -39,6 +40,7 @@ pub struct VirtualOptics {
     size: [u32; 2],
     pattern: BayerPattern,
     scale_e_per_s: f64,
+    spin_offset_mm: f64,
 }
 
 /// What a place on the sensor sees.
@@ -78,6 +80,15 @@ struct Scene<'a> {
     /// The beam reaches every point of its spot.
     beam_free: bool,
     averager: Averager<'a>,
+    local: Option<LocalFlakes<'a>>,
+}
+
+/// Single flakes under the footprints of a pose.
+struct LocalFlakes<'a> {
+    field: &'a Field,
+    light: Vec3,
+    /// F1 in the sample's own plane: the spin axis stands off it, so that spins see different flakes.
+    origin: [f64; 2],
 }
 
 /// A chief ray that reached the sample.
@@ -85,6 +96,9 @@ struct Scene<'a> {
 struct Traced {
     look: Look,
     lit: f64,
+    /// On the sample, lab axes, relative to F1, mm.
+    place: Vec3,
+    radii: [Vec3; 2],
 }
 
 impl VirtualOptics {
@@ -103,6 +117,7 @@ impl VirtualOptics {
             size: c.size,
             pattern: c.pattern,
             scale_e_per_s: 0.5 * c.full_well_e / (SCALE_TIME_S * white),
+            spin_offset_mm: description.holder.spin_offset_mm,
         }
     }
 
@@ -183,7 +198,13 @@ impl VirtualOptics {
             self.lamp.omega_sr,
         );
         let beam_free = self.beam_is_free(&stand);
-        Scene { stand, zone, beam_free, averager }
+        let (sin, cos) = actual.spin.sin_cos();
+        let local = sample.flakes.as_deref().map(|field| LocalFlakes {
+            field,
+            light,
+            origin: [self.spin_offset_mm * cos, -self.spin_offset_mm * sin],
+        });
+        Scene { stand, zone, beam_free, averager, local }
     }
 
     fn lit_zone(&self, stand: &Stand) -> LitZone {
@@ -234,7 +255,12 @@ impl VirtualOptics {
             way / strike.distance_mm,
         );
         let lit = footprint.lit(zone);
-        let hit = Hit { view_lab: -strike.reflected, place, k: etendue * self.mirror.reflectance };
+        let hit = Hit {
+            view_lab: -strike.reflected,
+            place,
+            radii: footprint.radii,
+            k: etendue * self.mirror.reflectance,
+        };
         (lit > 0.0).then_some((hit, lit))
     }
 
@@ -247,7 +273,12 @@ impl VirtualOptics {
                 return None;
             }
         }
-        Some(Traced { look: Look { view: scene.stand.sample_from_lab(hit.view_lab), k: hit.k }, lit })
+        Some(Traced {
+            look: Look { view: scene.stand.sample_from_lab(hit.view_lab), k: hit.k },
+            lit,
+            place: hit.place,
+            radii: hit.radii,
+        })
     }
 
     fn trace_band(&self, scene: &Scene<'_>, first_row: u32, out: &mut [f32]) {
@@ -266,7 +297,9 @@ impl VirtualOptics {
                     ([Some(a), Some(b)], [Some(c), Some(d)]) => {
                         let patch = Patch([a.look, b.look, c.look, d.look]);
                         let lit = 0.25 * (a.lit + b.lit + c.lit + d.lit);
-                        lit * scene.averager.patch(&patch, channel)
+                        let smooth =
+                            scene.averager.smooth_part(&patch, channel) * scene.flakes([a, b, c, d], channel);
+                        lit * (smooth + scene.averager.gloss_part(&patch))
                     }
                     _ => self.edge_pixel(scene, column, row, channel),
                 };
@@ -285,6 +318,7 @@ impl VirtualOptics {
                 let c = f64::from(column) + (f64::from(i) + 0.5) * step;
                 let r = f64::from(row) + (f64::from(j) + 0.5) * step;
                 if let Some(t) = self.trace(scene, c, r) {
+                    // the footprint of an edge pixel is as large as any: its own flakes are those of its neighbours
                     sum += t.lit * scene.averager.place(t.look, channel);
                 }
             }
@@ -297,5 +331,25 @@ impl VirtualOptics {
 struct Hit {
     view_lab: Vec3,
     place: Vec3,
+    radii: [Vec3; 2],
     k: f64,
+}
+
+impl Scene<'_> {
+    /// What the flakes under a pixel send back over what they do on average; 1 for a sample without.
+    fn flakes(&self, corners: [&Traced; 4], channel: usize) -> f64 {
+        let Some(local) = &self.local else { return 1.0 };
+        let sum = |f: fn(&Traced) -> Vec3| corners.iter().fold(Vec3::ZERO, |s, c| s + f(c)) * 0.25;
+        let view = sum(|t| t.look.view).normalized();
+        let flat = |v: Vec3| {
+            let s = self.stand.sample_from_lab(v);
+            [s.x, s.y]
+        };
+        let place = flat(sum(|t| t.place));
+        let centre = [place[0] + local.origin[0], place[1] + local.origin[1]];
+        let axes = [flat(corners[0].radii[0]), flat(corners[0].radii[1])];
+        let own = local.field.over(local.light, view, centre, axes)[channel];
+        let mean = local.field.mean_value(local.light, view)[channel];
+        if mean > 0.0 { own / mean } else { 1.0 }
+    }
 }

@@ -1,10 +1,13 @@
 //! What lies on the holder: a truth, or one of the reference samples.
 
+use std::sync::Arc;
+
 use gonio_brdf::{Brdf, Measured, ModelError, ModelFile};
 use gonio_instrument::{Certificate, ScanKind};
 use gonio_optics::Angle;
 
 use super::holder::Wedge;
+use crate::flakes::Field;
 use crate::truth::Truth;
 
 /// Refractive index of the black glass.
@@ -27,6 +30,8 @@ pub struct Sample {
     pub gloss_index: Option<f64>,
     /// How it leans on the holder.
     pub wedge: Option<Wedge>,
+    /// Its single flakes, where it has any; `base` is their mean.
+    pub flakes: Option<Arc<Field>>,
     /// Number that keys the noise, so that two samples at the same pose and exposure do not share theirs.
     pub noise_key: u64,
 }
@@ -60,7 +65,7 @@ impl Sample {
     /// Any BRDF without a smooth surface.
     #[must_use]
     pub fn rough(base: Box<dyn Brdf>) -> Self {
-        Self { base, gloss_index: None, wedge: None, noise_key: 0 }
+        Self { base, gloss_index: None, wedge: None, flakes: None, noise_key: 0 }
     }
 
     /// A `model.json`; its coat, if any, is smooth.
@@ -68,6 +73,16 @@ impl Sample {
     pub fn model(file: ModelFile) -> Self {
         let gloss_index = file.coat.as_ref().map(|c| c.index);
         Self { gloss_index, ..Self::rough(Box::new(file)) }
+    }
+
+    /// A paint with flakes under a smooth coat.
+    #[must_use]
+    pub fn flakes(field: &Arc<Field>) -> Self {
+        Self {
+            gloss_index: Some(field.paint().coat_index),
+            flakes: Some(Arc::clone(field)),
+            ..Self::rough(Box::new(field.mean()))
+        }
     }
 
     /// A measured table, interpolated between its nodes.

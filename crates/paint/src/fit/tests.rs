@@ -90,7 +90,7 @@ fn a_black_paint_is_no_reason_to_fail_without_words() {
     let table = Measured::sampled(grid(), &black);
     match fit_paint(&Subject::Table(&table), &options(CoatChoice::None)) {
         Ok(fit) => {
-            assert!(fit.paint.eval(gonio_optics::Vec3::Z, gonio_optics::Vec3::Z).iter().all(|v| *v < 1e-6))
+            assert!(fit.paint.eval(gonio_optics::Vec3::Z, gonio_optics::Vec3::Z).iter().all(|v| *v < 1e-6));
         }
         Err(e) => assert!(e.to_string().contains("fitted"), "{e}"),
     }

@@ -126,10 +126,11 @@ fn main() {
         let s = FlakeStatistics::of(&btf, &StatisticsOptions { cuboids, ..options }).expect("statistics");
         let f = fidelity(&btf, &s);
         println!(
-            "{cuboids:?}: bytes 1 : {:.0}; drawn against measured, largest of slices: mean Lab {:.3}, deviation {:.2} %, mean of slices: distance {:.3}, mean Y {:.2} %, sparkle density {:.5} → {:.5}, contrast {:.2} → {:.2}",
+            "{cuboids:?}: bytes 1 : {:.0}; drawn against measured, largest of slices: mean Lab {:.3}, deviation {:.2} %, mean of slices: deviation {:.2} %, distance {:.3}, mean Y {:.2} %, sparkle density {:.5} → {:.5}, contrast {:.2} → {:.2}",
             f.raw_bytes as f64 / f.bytes as f64,
             f.largest(|s| s.mean),
             100.0 * f.largest(|s| s.deviation),
+            100.0 * f.mean(|s| s.deviation),
             f.mean(|s| s.distance),
             100.0 * f.mean(|s| s.luminance),
             f.mean(|s| s.original.density),

@@ -44,8 +44,15 @@ impl WithSimd for Many<'_> {
     fn with_simd<S: Simd>(self, _: S) {
         let [l, a, b] = self.lab;
         let m = self.matrix;
-        for (((f, l), a), b) in self.values.iter().zip(l).zip(a).zip(b) {
-            let [x, y, z] = [0, 1, 2].map(|i: usize| curve(m[i][0] * f[0] + m[i][1] * f[1] + m[i][2] * f[2]));
+        // colours apart first: the curve then runs over whole registers
+        for (((f, l), a), b) in self.values.iter().zip(&mut *l).zip(&mut *a).zip(&mut *b) {
+            (*l, *a, *b) = (f[0], f[1], f[2]);
+        }
+        for ((l, a), b) in l.iter_mut().zip(a).zip(b) {
+            let (r, g, blue) = (*l, *a, *b);
+            let x = curve(m[0][0] * r + m[0][1] * g + m[0][2] * blue);
+            let y = curve(m[1][0] * r + m[1][1] * g + m[1][2] * blue);
+            let z = curve(m[2][0] * r + m[2][1] * g + m[2][2] * blue);
             *l = 116.0 * y - 16.0;
             *a = 500.0 * (x - y);
             *b = 200.0 * (y - z);
@@ -55,6 +62,11 @@ impl WithSimd for Many<'_> {
 
 /// L*, a* and b* of `π f` of BRDF values (1/sr), into three lists as long as `values`; longer ones keep their rest.
 pub fn lab_from_brdf_lanes(values: &[[f32; 3]], lab: [&mut [f32]; 3]) {
+    let n = values.len();
+    let lab = lab.map(|axis| {
+        let length = axis.len().min(n);
+        &mut axis[..length]
+    });
     Arch::new().dispatch(Many { values, lab, matrix: matrix() });
 }
 

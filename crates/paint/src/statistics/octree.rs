@@ -28,14 +28,23 @@ pub(super) struct Leaf {
 /// Levels of the tree, 2^10 cells along each axis.
 const LEVELS: u32 = 10;
 
+/// Values of a digit of the sort.
+const DIGITS: usize = 1 << LEVELS;
+
+/// Places of the order from one kept sum to the next.
+const STRIDE: usize = 16;
+
 /// Scratch of one thread.
 #[derive(Debug, Default)]
 pub(super) struct Octree {
     pub lab: [Vec<f32>; 3],
     keys: Vec<u64>,
     spare: Vec<u64>,
-    /// Sums before each place of the order: L, a, b and their squares.
+    /// Colours along the order.
+    ordered: Vec<[f32; 3]>,
+    /// Sums of L, a, b and their squares before every [`STRIDE`]th place of the order, and over all.
     sums: Vec<[f64; 6]>,
+    total: [f64; 6],
     counts: Vec<u32>,
 }
 
@@ -63,8 +72,8 @@ impl Octree {
         join_rare(&mut nodes, n as f64);
         // room that joining made: split on where no rare leaf would come out
         self.split(&mut nodes, clusters, 0.5 * n as f64 / STEPS as f64);
-        for node in &mut nodes {
-            if node.end > node.start {
+        if cuboids == Cuboids::Tight {
+            for node in &mut nodes {
                 (node.low, node.high) = self.bounds(node);
             }
         }
@@ -73,8 +82,7 @@ impl Octree {
         let mut leaves: Vec<Leaf> =
             nodes.iter().zip(&steps).map(|(node, &steps)| node.leaf(cuboids, steps)).collect();
         if cuboids == Cuboids::Moments {
-            let total = self.sums[n];
-            keep_moments(&mut leaves, total, n as f64);
+            keep_moments(&mut leaves, self.total, n as f64);
         }
         leaves
     }
@@ -94,29 +102,31 @@ impl Octree {
         }
         let scale = if side > 0.0 { (1 << LEVELS) as f32 / side } else { 0.0 };
         let top = (1 << LEVELS) as f32 - 1.0;
-        self.keys.clear();
-        let [l, a, b] = &self.lab;
-        self.keys.extend(l.iter().zip(a).zip(b).enumerate().map(|(k, ((l, a), b))| {
-            let cell = |v: f32, low: f32| spread_bits(((v - low) * scale).min(top) as u32);
-            let code = cell(*l, low[0]) << 2 | cell(*a, low[1]) << 1 | cell(*b, low[2]);
-            u64::from(code) << 32 | k as u64
-        }));
-        self.spare.clear();
+        let [l, a, b] = [&self.lab[0][..n], &self.lab[1][..n], &self.lab[2][..n]];
+        self.keys.resize(n, 0);
         self.spare.resize(n, 0);
-        for pass in 0..3 {
-            let shift = 32 + pass * LEVELS;
-            self.counts.clear();
-            self.counts.resize(1 << LEVELS, 0);
-            for k in &self.keys {
-                self.counts[(k >> shift) as usize & ((1 << LEVELS) - 1)] += 1;
-            }
+        self.counts.clear();
+        self.counts.resize(3 * DIGITS, 0);
+        let (first, rest) = self.counts.split_at_mut(DIGITS);
+        let (second, third) = rest.split_at_mut(DIGITS);
+        // differences are not negative and below 2^10: the cast through i32 is one instruction where u32 takes several
+        let cell = |v: f32, low: f32| spread_bits(((v - low) * scale).min(top) as i32 as u32);
+        for (k, (((key, l), a), b)) in self.keys.iter_mut().zip(l).zip(a).zip(b).enumerate() {
+            let code = cell(*l, low[0]) << 2 | cell(*a, low[1]) << 1 | cell(*b, low[2]);
+            *key = u64::from(code) << 32 | k as u64;
+            first[digit(*key, 0)] += 1;
+            second[digit(*key, 1)] += 1;
+            third[digit(*key, 2)] += 1;
+        }
+        for (pass, counts) in self.counts.chunks_exact_mut(DIGITS).enumerate() {
             let mut start = 0;
-            for c in &mut self.counts {
+            for c in counts.iter_mut() {
                 (*c, start) = (start, start + *c);
             }
+            let spare = &mut self.spare[..];
             for k in &self.keys {
-                let at = &mut self.counts[(k >> shift) as usize & ((1 << LEVELS) - 1)];
-                self.spare[*at as usize] = *k;
+                let at = &mut counts[digit(*k, pass as u32)];
+                spare[*at as usize] = *k;
                 *at += 1;
             }
             std::mem::swap(&mut self.keys, &mut self.spare);
@@ -124,35 +134,37 @@ impl Octree {
     }
 
     fn sum_up(&mut self, n: usize) {
-        self.sums.clear();
-        self.sums.reserve(n + 1);
-        let mut sum = [0.0; 6];
-        self.sums.push(sum);
-        for k in &self.keys {
+        let [l, a, b] = [&self.lab[0][..n], &self.lab[1][..n], &self.lab[2][..n]];
+        self.ordered.clear();
+        self.ordered.extend(self.keys.iter().map(|k| {
             let k = *k as u32 as usize;
-            let v = [0, 1, 2].map(|c: usize| f64::from(self.lab[c][k]));
-            for c in 0..3 {
-                sum[c] += v[c];
-                sum[c + 3] += v[c] * v[c];
-            }
+            [l[k], a[k], b[k]]
+        }));
+        self.sums.clear();
+        let mut sum = [0.0; 6];
+        for chunk in self.ordered.chunks(STRIDE) {
             self.sums.push(sum);
+            add(&mut sum, chunk);
         }
+        self.sums.push(sum);
+        self.total = sum;
+    }
+
+    /// Sums over the order before a place.
+    fn before(&self, place: usize) -> [f64; 6] {
+        let block = place / STRIDE;
+        let mut sum = self.sums[block];
+        add(&mut sum, &self.ordered[block * STRIDE..place]);
+        sum
     }
 
     fn node(&self, start: usize, end: usize, level: u32) -> Node {
-        let (before, after) = (self.sums[start], self.sums[end]);
-        let mut node = Node {
-            start,
-            end,
-            level,
-            count: (end - start) as f64,
-            sum: [0, 1, 2, 3, 4, 5].map(|c: usize| after[c] - before[c]),
-            low: [0.0; 3],
-            high: [0.0; 3],
-            spread: 0.0,
-        };
-        node.spread = spread(&node.sum, node.count);
-        node
+        let (before, mut sum) = (self.before(start), self.before(end));
+        for c in 0..6 {
+            sum[c] -= before[c];
+        }
+        let count = (end - start) as f64;
+        Node { start, end, level, count, sum, low: [0.0; 3], high: [0.0; 3], spread: spread(&sum, count) }
     }
 
     /// Splits the leaf that spreads most, as long as there is room for its children and none of them is rarer than `rare`.
@@ -205,10 +217,9 @@ impl Octree {
         } else {
             ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3])
         };
-        for k in &self.keys[node.start..node.end] {
-            let k = *k as u32 as usize;
+        for colour in &self.ordered[node.start..node.end] {
             for c in 0..3 {
-                let v = self.lab[c][k];
+                let v = colour[c];
                 low[c] = if v < low[c] { v } else { low[c] };
                 high[c] = if v > high[c] { v } else { high[c] };
             }
@@ -237,6 +248,21 @@ impl Node {
                     steps,
                 }
             }
+        }
+    }
+}
+
+#[inline(always)]
+fn digit(key: u64, pass: u32) -> usize {
+    (key >> (32 + pass * LEVELS)) as usize & (DIGITS - 1)
+}
+
+fn add(sum: &mut [f64; 6], colours: &[[f32; 3]]) {
+    for colour in colours {
+        for c in 0..3 {
+            let v = f64::from(colour[c]);
+            sum[c] += v;
+            sum[c + 3] += v * v;
         }
     }
 }

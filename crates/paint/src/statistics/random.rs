@@ -1,25 +1,20 @@
 //! The fixed random texture: the same numbers at the same place of the surface in every frame.
 //!
-//! Six numbers a texel: one for the distribution function, three inside the box, two that say at which angle the texel changes over to the next
-//! slice. The first and the last two take all values (k + ½)/n once in a block of texels, in orders of their own; the three belong to the rank of
-//! the first along an additive recurrence (R₃), which is even over any run of ranks. So what a block shows of a box, however rare, is an even
-//! sample of it.
+//! Three numbers a texel: one for the distribution function and the place in the box, two that say at which angle the texel changes over to
+//! the next slice. Each takes all values (k + ½)/n once in a block of texels, in an order of its own, so that a block of texels is an even sample.
 
 use std::sync::OnceLock;
 
-/// Random numbers in (0, 1), six a texel.
+/// Random numbers in (0, 1), three a texel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RandomTexture {
     side: usize,
-    numbers: Vec<[f32; 6]>,
+    numbers: Vec<[f32; 3]>,
 }
 
 /// Side of a block of the texture that paints use, as large as measured textures, and blocks along its side.
 const BLOCK: usize = 128;
 const BLOCKS: usize = 2;
-
-/// Powers of the root of x⁴ = x + 1, inverted.
-const INSIDE: [f64; 3] = [0.819_172_513_396_164_5, 0.671_043_606_703_789_3, 0.549_700_477_901_970_3];
 
 impl RandomTexture {
     /// The texture of all paints, 256 × 256.
@@ -34,25 +29,19 @@ impl RandomTexture {
     pub fn new(block: usize, blocks: usize, seed: u32) -> Self {
         let (block, blocks) = (block.max(1), blocks.max(1));
         let (side, n) = (block * blocks, block * block);
-        let mut numbers = vec![[0.0; 6]; side * side];
+        let mut numbers = vec![[0.0; 3]; side * side];
         let mut order: Vec<u32> = (0..n as u32).collect();
         for part in 0..blocks * blocks {
             let corner = (part / blocks * side + part % blocks) * block;
-            for channel in [0, 4, 5] {
-                let mut state = hash(seed.wrapping_mul(31).wrapping_add((6 * part + channel) as u32));
+            for channel in 0..3 {
+                let mut state = hash(seed.wrapping_mul(31).wrapping_add((3 * part + channel) as u32));
                 for k in (1..n).rev() {
                     state = hash(state ^ k as u32);
                     order.swap(k, ((u64::from(state) * (k as u64 + 1)) >> 32) as usize);
                 }
                 for (k, rank) in order.iter().enumerate() {
-                    let texel = &mut numbers[corner + k / block * side + k % block];
-                    let rank = f64::from(*rank);
-                    texel[channel] = ((rank + 0.5) / n as f64) as f32;
-                    if channel == 0 {
-                        for (number, step) in texel[1..4].iter_mut().zip(INSIDE) {
-                            *number = ((rank + 0.5) * step).fract() as f32;
-                        }
-                    }
+                    numbers[corner + k / block * side + k % block][channel] =
+                        ((f64::from(*rank) + 0.5) / n as f64) as f32;
                 }
             }
         }
@@ -67,14 +56,14 @@ impl RandomTexture {
 
     /// Numbers of a texel; any column and row.
     #[must_use]
-    pub fn at(&self, x: i64, y: i64) -> &[f32; 6] {
+    pub fn at(&self, x: i64, y: i64) -> &[f32; 3] {
         let side = self.side as i64;
         &self.numbers[(y.rem_euclid(side) * side + x.rem_euclid(side)) as usize]
     }
 
     /// All texels, row by row.
     #[must_use]
-    pub fn numbers(&self) -> &[[f32; 6]] {
+    pub fn numbers(&self) -> &[[f32; 3]] {
         &self.numbers
     }
 }

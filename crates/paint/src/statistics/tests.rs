@@ -162,7 +162,7 @@ fn a_texel_shows_the_same_in_every_frame_and_changes_over_once_between_slices() 
 #[test]
 fn the_random_texture_takes_each_value_once() {
     let t = RandomTexture::new(32, 1, 9);
-    for channel in [0, 4, 5] {
+    for channel in 0..3 {
         let mut values: Vec<f32> = t.numbers().iter().map(|n| n[channel]).collect();
         values.sort_by(f32::total_cmp);
         for (k, v) in values.iter().enumerate() {

@@ -18,5 +18,6 @@ mod reliability;
 mod renderers;
 mod scenes;
 mod shaders;
+mod textures;
 mod two_optics_agree;
 mod wire;

@@ -115,7 +115,7 @@ pub enum Command {
     Convert {
         /// What to read (any known format; FILE#NAME for a network)
         input: String,
-        /// What to write; the ending chooses: .nc or .csv, .json for a model; of a model .xml (Mitsuba 3), .mtlx (MaterialX), .gltf
+        /// What to write; the ending chooses: .nc or .csv, .json for a model, .paint for a car paint (from a row of a published table, FILE#NAME, or a cook-torrance model); of a model .xml (Mitsuba 3), .mtlx (MaterialX), .gltf
         output: PathBuf,
         /// A renderer's material, whatever the ending: sopp (CSV for the Ashikhmin shader), mitsuba, materialx, gltf
         #[arg(long = "as", value_name = "RENDERER")]
@@ -191,7 +191,7 @@ pub struct DemoArguments {
 }
 
 /// What a session measures.
-#[derive(Clone, Copy, Debug, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Kind {
     /// A sample
     Sample,
@@ -220,7 +220,7 @@ impl From<Kind> for gonio_instrument::ScanKind {
 /// What only the virtual instrument takes.
 #[derive(Clone, Debug, Args)]
 pub struct VirtualArguments {
-    /// What the virtual sample is: a model.json or a measured table
+    /// What the virtual sample is: a model.json, a measured table, or a paint of single flakes (TOML, docs/flakes.md)
     #[arg(long)]
     pub truth: Option<PathBuf>,
     /// Errors of the virtual instrument, TOML, or `builtin`
@@ -318,6 +318,9 @@ pub struct ScanArguments {
     /// Clear coat
     #[command(flatten)]
     pub coat: CoatArguments,
+    /// Record the texture camera, which sees single flakes, instead of the instrument's camera; of a sample the slices are written to S.textures/
+    #[arg(long, conflicts_with_all = ["fit", "scene"])]
+    pub texture: bool,
     /// Go on with an interrupted session
     #[arg(long)]
     pub resume: bool,
@@ -343,7 +346,7 @@ pub struct ReplayArguments {
     /// Instrument description in place of the recorded one: TOML, or `reference` / `tiny`
     #[arg(long)]
     pub instrument: Option<String>,
-    /// The table to write
+    /// The table to write; of a texture scan the folder of slices
     #[arg(short, long)]
     pub output: PathBuf,
     /// Fit a model too
@@ -413,7 +416,7 @@ pub struct FitArguments {
     /// What to fit: measured BRDFs in any known format (FILE#NAME for a network, FILE#* for all of it), or folders of them
     #[arg(required = true)]
     pub inputs: Vec<String>,
-    /// Model, or auto, or flake-map:K (a map for effect coatings, its own file)
+    /// Model, or auto, or flake-map:K (a map for effect coatings, its own file), or car-paint (lobes, colour table and flakes, its own file)
     #[arg(long, default_value = "auto")]
     pub model: String,
     /// With --model auto: the largest mean CIEDE2000 on held-out angles that will do
@@ -455,6 +458,9 @@ pub struct FitArguments {
     /// A renderer's material to write as well (one input): .xml, .mtlx, .gltf, or .csv for Sopp's shader; may be repeated
     #[arg(long, value_name = "FILE")]
     pub export: Vec<PathBuf>,
+    /// With --model car-paint: a folder of flake textures (slices.toml) whose mean the measurement contains
+    #[arg(long, value_name = "FOLDER")]
+    pub flakes: Option<PathBuf>,
     /// Overwrite the outputs
     #[arg(long)]
     pub force: bool,

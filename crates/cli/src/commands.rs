@@ -1,6 +1,7 @@
 //! What each command does, one file each (those that watch running scans share one).
 
 pub mod calibrate;
+mod car_paint;
 pub mod colormap;
 pub mod convert;
 pub mod demo;

@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
-use gonio_brdf::formats;
 use gonio_optics::Angle;
 use gonio_tailor::{Finding, GlossChoice, Material, Options};
 use serde_json::{Value, json};
 
 use crate::arguments::effect::{GlossName, MapArguments};
+use crate::opening;
 use crate::outcome::Failure;
 
 /// Index of a coat that nothing is said about.
@@ -18,7 +18,7 @@ const USUAL_INDEX: f64 = 1.5;
 /// # Errors
 /// [`Failure::Usage`] for a file that cannot be read.
 pub fn material(input: &str) -> Result<Material, Failure> {
-    let loaded = formats::open(Path::new(input)).map_err(Failure::usage)?;
+    let loaded = opening::open(input)?;
     Ok(Material::new(title(input), loaded))
 }
 

@@ -14,6 +14,7 @@ pub mod control;
 pub mod effect;
 pub mod exporting;
 pub mod fitting;
+pub mod opening;
 pub mod outcome;
 pub mod output;
 pub mod progress;
@@ -24,6 +25,7 @@ pub mod rig;
 pub mod scanning;
 pub mod scenes;
 pub mod signals;
+pub mod textures;
 
 use std::ffi::OsString;
 use std::io::IsTerminal;

@@ -13,4 +13,4 @@ mod shade;
 
 pub use body::{Body, Hit};
 pub use gathered::{Gathered, gather};
-pub use picture::{Paint, RenderOptions, render};
+pub use picture::{Paint, Placed, PlacedBrdf, RenderOptions, render};

@@ -26,6 +26,8 @@ pub enum Format {
     NeuralBrdf,
     /// Flake map, ours.
     FlakeMap,
+    /// Car paint, ours; read by the paint crate.
+    CarPaint,
 }
 
 impl Format {
@@ -42,12 +44,16 @@ impl Format {
             Self::Mbsdf => "MDL measured BSDF",
             Self::NeuralBrdf => "neural BRDF",
             Self::FlakeMap => "flake map",
+            Self::CarPaint => "car paint",
         }
     }
 }
 
-const KNOWN: &str = "NetCDF classic (.nc), measured CSV (theta_i_deg,theta_o_deg,phi_deg,r,g,b,…), model.json, flake maps (.json), RGL tensor files (_rgb.bsdf), MERL \
+const KNOWN: &str = "NetCDF classic (.nc), measured CSV (theta_i_deg,theta_o_deg,phi_deg,r,g,b,…), model.json, flake maps (.json), car paints (.paint), RGL tensor files (_rgb.bsdf), MERL \
                      .binary, Cornell .brdf, MDL .mbsdf, and neural BRDFs with a .names.txt beside";
+
+/// First bytes of a car paint.
+const CAR_PAINT: &[u8] = b"gonio-paint\n";
 
 /// How much of a text is looked at.
 const HEAD: usize = 65_536;
@@ -63,6 +69,9 @@ pub fn detect(bytes: &[u8], named: bool) -> Result<Format, Problem> {
     if bytes.starts_with(b"\x89HDF\r\n\x1a\n") {
         let expected = "NetCDF classic: convert with `nccopy -k classic IN OUT`, or write with xarray's to_netcdf(engine=\"scipy\")";
         return Err(Problem::malformed("NetCDF", "container", "NetCDF-4 (HDF5)", expected));
+    }
+    if bytes.starts_with(CAR_PAINT) {
+        return Ok(Format::CarPaint);
     }
     if bytes.starts_with(rgl::MAGIC) {
         return Ok(Format::Rgl);
@@ -118,7 +127,8 @@ mod tests {
 
     #[test]
     fn formats_are_told_apart_by_their_first_bytes() {
-        let cases: [(&[u8], Format); 9] = [
+        let cases: [(&[u8], Format); 10] = [
+            (b"gonio-paint\n\x01", Format::CarPaint),
             (b"CDF\x02rest", Format::Netcdf),
             (b"tensor_file\0\x01", Format::Rgl),
             (b"Z\0\0\0Z\0\0\0\xb4\0\0\0rest", Format::Merl),

@@ -124,6 +124,15 @@ fn parse(
                 flake_map: Some(map),
             })
         }
+        // its model lives in a crate above this one, which opens it first
+        Format::CarPaint => {
+            return Err(Problem::Unsuitable {
+                content: "a car paint".to_owned(),
+                format: "a table or model",
+                advice: "give it to a command that takes paints (gonio eval, render, convert, info, paint)"
+                    .to_owned(),
+            });
+        }
         Format::Mbsdf => Loaded::Table(Box::new(mbsdf::read(bytes)?)),
         Format::Cornell => Loaded::Scattered(cornell::read(bytes)?),
         Format::Merl => {

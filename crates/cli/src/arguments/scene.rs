@@ -9,7 +9,7 @@ use super::effect::MapArguments;
 /// `gonio render`.
 #[derive(Debug, Args)]
 pub struct RenderArguments {
-    /// A measured BRDF, a model or a flake map (FILE#NAME for a network)
+    /// A measured BRDF, a model, a flake map or a car paint (FILE#NAME for a network)
     pub input: String,
     /// The scene, TOML (keys: docs/scenes.md)
     #[arg(long)]
@@ -23,6 +23,9 @@ pub struct RenderArguments {
     /// Mirror image of a smooth coat: auto (that of a model with a coat), none, or a refractive index; a model without a coat is put under it
     #[arg(long, default_value = "auto")]
     pub coat: String,
+    /// Of a paint with flakes: millimetres of a unit of the scene, so that flakes have their size; 0 renders their mean
+    #[arg(long, default_value_t = 20.0, value_name = "MM")]
+    pub mm_per_unit: f64,
     /// Leave the cosine (projected solid angle) out, as published pictures of colour maps do
     #[arg(long)]
     pub no_cosine: bool,

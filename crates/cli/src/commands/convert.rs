@@ -37,8 +37,11 @@ pub fn run(
         printer.result(&format!("written to {text}"), &json);
         return Ok(Outcome::Done);
     }
+    if output.extension().is_some_and(|e| e.eq_ignore_ascii_case("paint")) {
+        return super::car_paint::convert(input, output, printer);
+    }
     let target = Target::from_path(output).map_err(Failure::usage)?;
-    let loaded = formats::open(Path::new(input)).map_err(Failure::usage)?;
+    let loaded = crate::opening::open(input)?;
     let loaded = match (target, loaded) {
         (Target::Netcdf | Target::Csv, l @ (Loaded::Function(_) | Loaded::Model(_))) => {
             match l.to_measured(&Grid::sopp()) {

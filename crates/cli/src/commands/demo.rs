@@ -30,6 +30,7 @@ pub fn run(a: &DemoArguments, printer: Printer) -> Result<Outcome, Failure> {
     check_free(&session, a.force)?;
     write_whole(&truth_path, text.as_bytes())?;
     let arguments = ScanArguments {
+        texture: false,
         device: "sim".to_owned(),
         camera: "sim".to_owned(),
         instrument: if a.tiny { "tiny" } else { "reference" }.to_owned(),

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use gonio_brdf::{ModelFile, formats};
+use gonio_brdf::ModelFile;
 use gonio_fitter::anneal::{AnnealOptions, fit_by_annealing};
 use gonio_fitter::auto::{Chosen, choose};
 use gonio_fitter::sopp::{SoppOptions, SoppRun, as_fit, sopp};
@@ -15,6 +15,7 @@ use crate::batch_inputs;
 use crate::candidates;
 use crate::exporting;
 use crate::fitting::{self, Subject};
+use crate::opening;
 use crate::outcome::{Failure, Outcome};
 use crate::output::{self, Printer};
 use crate::report::{self, Background};
@@ -53,6 +54,12 @@ pub fn run(a: &FitArguments, printer: Printer) -> Result<Outcome, Failure> {
             return Err(Failure::usage(format!("--model {}: one input at a time", a.model)));
         };
         return super::flake::fit(a, input, printer);
+    }
+    if a.model == "car-paint" {
+        let [input] = inputs.wanted.as_slice() else {
+            return Err(Failure::usage("--model car-paint: one input at a time"));
+        };
+        return super::car_paint::fit(a, input, printer);
     }
     check_options(a)?;
     let [input] = inputs.wanted.as_slice() else { return fit_batch::run(a, &inputs, printer) };
@@ -123,7 +130,7 @@ fn start(a: &FitArguments) -> Result<SoppOptions, Failure> {
 /// # Errors
 /// [`Failure::Usage`] for input that cannot be read; [`Failure::Failed`] where nothing could be fitted.
 pub(super) fn fit_one(a: &FitArguments, input: &str) -> Result<Fitted, Failure> {
-    let loaded = formats::open(Path::new(input)).map_err(Failure::usage)?;
+    let loaded = opening::open(input)?;
     let subject = Subject::of(&loaded)?;
     let options = options(a, subject.has_sigma, subject.coat())?;
     let mut fitted = by_method(a, subject, &options)?;

@@ -8,7 +8,7 @@ use gonio_optics::{Vec3, isoline::Method, isoline::isoline};
 use gonio_render::plots::{SceneRow, scene_geometries};
 use gonio_render::scene::Scene;
 use gonio_render::sphere::{LinearImage, Tone};
-use gonio_render::trace::{Paint, RenderOptions, gather, render};
+use gonio_render::trace::{Paint, Placed, PlacedBrdf, RenderOptions, gather, render};
 use gonio_tailor::{Built, Material, Representation};
 use serde_json::json;
 
@@ -54,6 +54,13 @@ pub fn run(a: &RenderArguments, printer: Printer) -> Result<Outcome, Failure> {
         output::check_free(path, a.force)?;
         output::check_apart(path, &[Path::new(&a.input), &a.scene])?;
     }
+    if !(a.mm_per_unit >= 0.0 && a.mm_per_unit.is_finite()) {
+        return Err(Failure::usage(format!(
+            "--mm-per-unit {}: expected a length, not below 0",
+            a.mm_per_unit
+        )));
+    }
+    let car_paint = crate::opening::paint(&a.input)?.map(|p| p.0);
     let material = effect::material(&a.input)?;
     let built = a.representation.as_deref().map(|name| build(a, &material, name)).transpose()?;
     let brdf: &dyn Brdf = match &built {
@@ -65,7 +72,15 @@ pub fn run(a: &RenderArguments, printer: Printer) -> Result<Outcome, Failure> {
             ))
         })?,
     };
-    let gloss = coat(&a.coat, &material)?;
+    let gloss = match (&car_paint, a.coat.as_str()) {
+        (Some(p), "auto") => p.parts().coat,
+        _ => coat(&a.coat, &material)?,
+    };
+    let flakes = car_paint.as_ref().filter(|p| p.parts().flakes.is_some() && built.is_none()).map(ByPlace);
+    let placed = flakes
+        .as_ref()
+        .filter(|_| a.mm_per_unit > 0.0)
+        .map(|f| Placed { brdf: f, mm_per_unit: a.mm_per_unit });
     let bare = material.is_model() && material.stated_index().is_none_or(|n| n <= 1.0);
     let under = Under { base: brdf, coat: gloss.unwrap_or(Coat { index: 1.0 }) };
     let paint = Paint { brdf: if gloss.is_some() && bare { &under } else { brdf }, gloss };
@@ -76,7 +91,7 @@ pub fn run(a: &RenderArguments, printer: Printer) -> Result<Outcome, Failure> {
     let pixels = u64::from(scene.size[0]) * u64::from(scene.size[1]);
     let bar = progress::bar("rendering", pixels * scene.views.len() as u64);
     let step = |n: u64| bar.inc(n);
-    let options = RenderOptions { bounces: a.bounces, cosine: !a.no_cosine, progress: Some(&step) };
+    let options = RenderOptions { bounces: a.bounces, cosine: !a.no_cosine, placed, progress: Some(&step) };
     let begun = Instant::now();
     let images = scene
         .views
@@ -141,7 +156,7 @@ pub fn run(a: &RenderArguments, printer: Printer) -> Result<Outcome, Failure> {
         &json!({
             "input": a.input, "scene": scene.name, "representation": a.representation, "views": images.len(),
             "size": scene.size, "samples": samples, "bounces": a.bounces, "cosine": !a.no_cosine,
-            "coat_index": gloss.map(|c| c.index), "white_radiance": white, "seconds": seconds,
+            "coat_index": gloss.map(|c| c.index), "flakes": placed.is_some(), "white_radiance": white, "seconds": seconds,
             "samples_per_second": rate, "threads": pool.current_num_threads(), "triangles": scene.body.triangles(),
             "beyond_critical_share": marked.as_ref().map(|m| m.0), "unknown_pixels": unknown,
             "outputs": outputs.iter().map(|p| shown(p)).collect::<Vec<_>>(),
@@ -185,6 +200,15 @@ fn coat(asked: &str, material: &Material) -> Result<Option<Coat>, Failure> {
                 "--coat {number}: expected auto, none or a refractive index above 1, at most 4"
             ))),
         },
+    }
+}
+
+/// A car paint with its flakes.
+struct ByPlace<'a>(&'a gonio_paint::CarPaint);
+
+impl PlacedBrdf for ByPlace<'_> {
+    fn eval_at(&self, light: Vec3, view: Vec3, position_mm: [f64; 2]) -> Rgb {
+        self.0.eval_at(light, view, position_mm)
     }
 }
 

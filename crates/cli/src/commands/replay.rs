@@ -10,13 +10,16 @@ use crate::arguments::ReplayArguments;
 use crate::outcome::{Failure, Outcome};
 use crate::output::{Printer, check_apart, check_free, shown};
 use crate::results::{self, Files, Story};
-use crate::{coat, fitting, progress, reduction, rig};
+use crate::{coat, fitting, progress, reduction, rig, textures};
 
 /// Reduces a session with the same code as a live scan: the same settings give the same bytes.
 ///
 /// # Errors
 /// [`Failure::Usage`] for a session, reference or output that cannot be used; [`Failure::Failed`] where no pose can.
 pub fn run(a: &ReplayArguments, printer: Printer) -> Result<Outcome, Failure> {
+    if textures::is_texture_scan(&a.session) {
+        return textures::replay(a, printer);
+    }
     let files = Files { table: a.output.clone(), ..Files::beside(&a.output) };
     check_free(&a.output, a.force)?;
     if a.fit.is_some() {

@@ -23,7 +23,7 @@ use crate::reduction::{self, Calibrated};
 use crate::results::{self, Files, Story};
 use crate::rig::{self, Rig, Simulated};
 use crate::scanning::{self, Job, Recorded};
-use crate::{adaptive, continuing, fitting, signals};
+use crate::{adaptive, continuing, fitting, signals, textures};
 
 /// Poses that may wait for the reduction; at eight frames of 2.6 MB some 60 MB.
 const WAITING_POSES: usize = 3;
@@ -75,6 +75,21 @@ pub fn run(a: &ScanArguments, printer: Printer) -> Result<Outcome, Failure> {
         text += &format!("report: {}\n", files.report.display());
     }
     let verdict = scanned.verdict(&a.output);
+    let slices = match (a.texture && a.kind == crate::arguments::Kind::Sample, &verdict) {
+        (true, Ok(_)) => {
+            let folder = textures::beside(&a.output);
+            Some(textures::reduce(
+                &a.output,
+                &a.reference,
+                &a.coat,
+                &folder,
+                a.accept_stale,
+                a.force || a.resume,
+            )?)
+        }
+        _ => None,
+    };
+    text += &slices.iter().map(textures::Slices::lines).collect::<String>();
     printer.result(
         &text,
         &json!({
@@ -84,6 +99,7 @@ pub fn run(a: &ScanArguments, printer: Printer) -> Result<Outcome, Failure> {
             "coat": scanned.coat.as_ref().map(|c| &c.json),
             "fit": scanned.fit.as_ref().map(Fit::to_json),
             "files": scanned.files.as_ref().map(Files::to_json),
+            "textures": slices.as_ref().map(textures::Slices::to_json),
         }),
     );
     verdict
@@ -96,6 +112,7 @@ pub fn run(a: &ScanArguments, printer: Printer) -> Result<Outcome, Failure> {
 pub fn scan(a: &ScanArguments, cancel: &Cancel) -> Result<Scanned, Failure> {
     let kind = ScanKind::from(a.kind);
     let instrument = rig::instrument(&a.instrument)?;
+    let instrument = if a.texture { instrument.for_textures().map_err(Failure::usage)? } else { instrument };
     let plan = rig::plan(a.plan.as_deref(), &instrument)?;
     let mut simulated = if a.device == "sim" { Some(Simulated::read(&a.simulated)?) } else { None };
     let mut sample = SampleRecord {
@@ -135,7 +152,8 @@ pub fn scan(a: &ScanArguments, cancel: &Cancel) -> Result<Scanned, Failure> {
     let options = coat::options(&a.coat, recorded.as_ref())?;
     let map = PixelMap::new(&instrument);
     let plan = match (kind, &a.plan) {
-        (ScanKind::White, None) => reference_plan::white_plan(&map, &plan),
+        // the texture camera needs its white at the very tilts of the textures
+        (ScanKind::White, None) if !a.texture => reference_plan::white_plan(&map, &plan),
         (ScanKind::Dark, None) => reference_plan::dark_plan(&plan),
         (ScanKind::BlackGlass, None) => geometry::plans::flat(&plan, instrument.holder.tilt_limits_deg),
         (ScanKind::BlackGlassWedge, None) => geometry::plans::wedge(&plan, instrument.holder.tilt_limits_deg),
@@ -144,7 +162,9 @@ pub fn scan(a: &ScanArguments, cancel: &Cancel) -> Result<Scanned, Failure> {
     // the plan's angles of incidence as the tilts that give them
     let plan = reference_plan::on_instrument(&map, &plan);
     let references = match (&simulated, a.reference.is_empty(), &a.fit) {
-        (Some(s), true, Some(_)) => vec![virtual_white(a, s, &instrument, &map, cancel)?],
+        (Some(s), true, fit) if fit.is_some() || (a.texture && kind == ScanKind::Sample) => {
+            vec![virtual_white(a, s, &instrument, &map, cancel)?]
+        }
         _ => a.reference.clone(),
     };
     let day = reduction::day(gonio_recording::now());
@@ -363,7 +383,10 @@ fn virtual_white(
             )));
         }
     }
-    let plan: Plan = reference_plan::on_instrument(map, &reference_plan::white_plan(map, &instrument.plan));
+    let plan: Plan = match instrument.textures() {
+        Some(_) => reference_plan::on_instrument(map, &instrument.plan),
+        None => reference_plan::on_instrument(map, &reference_plan::white_plan(map, &instrument.plan)),
+    };
     let job = Job {
         instrument,
         plan: &plan,

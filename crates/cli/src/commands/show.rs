@@ -23,7 +23,7 @@ pub fn run(a: &ShowArguments, printer: Printer) -> Result<Outcome, Failure> {
             html.display()
         )));
     }
-    let loaded = formats::open(Path::new(&a.input)).map_err(Failure::usage)?;
+    let loaded = crate::opening::open(&a.input)?;
     let title = Path::new(&a.input).file_name().unwrap_or_default().to_string_lossy().into_owned();
     let background = Background { title, ..Background::default() };
     let report = if matches!(loaded, formats::Loaded::Model(_)) {

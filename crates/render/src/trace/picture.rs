@@ -20,6 +20,38 @@ pub struct Paint<'a> {
     pub gloss: Option<Coat>,
 }
 
+/// A reflectance that differs from place to place.
+pub trait PlacedBrdf: Sync {
+    /// f in 1/sr at a place of the surface, mm in a plane laid onto it; directions as for [`Brdf`].
+    fn eval_at(&self, light: Vec3, view: Vec3, position_mm: [f64; 2]) -> Rgb;
+}
+
+/// A placed reflectance with the size of the object.
+#[derive(Clone, Copy)]
+pub struct Placed<'a> {
+    /// f by place.
+    pub brdf: &'a dyn PlacedBrdf,
+    /// Millimetres of a unit of the scene.
+    pub mm_per_unit: f64,
+}
+
+impl Placed<'_> {
+    /// A place in the plane laid onto the surface there: along the axis nearest to the normal, so that a texel is at most √3 times as long as it is wide.
+    /// Planes of different axes and sides are shifted against each other: no mirrored flakes meet at their seams.
+    fn position_mm(&self, v: &Vertex) -> [f64; 2] {
+        let (p, n) = (v.position, v.geometric);
+        let (x, y, side) = if n.z.abs() >= n.x.abs().max(n.y.abs()) {
+            (p.x, p.y, n.z)
+        } else if n.y.abs() >= n.x.abs() {
+            (p.x, p.z, n.y)
+        } else {
+            (p.y, p.z, n.x)
+        };
+        let shift = if side > 0.0 { 0.0 } else { 17.3 };
+        [x * self.mm_per_unit + shift, y * self.mm_per_unit - shift]
+    }
+}
+
 /// How it is rendered.
 #[derive(Clone, Copy)]
 pub struct RenderOptions<'a> {
@@ -27,13 +59,15 @@ pub struct RenderOptions<'a> {
     pub bounces: u32,
     /// Whether irradiance falls with the cosine (projected solid angle); Kirchner's pictures leave it out.
     pub cosine: bool,
+    /// Flakes that differ from place to place; bounces show their mean.
+    pub placed: Option<Placed<'a>>,
     /// Called with the number of pixels of each finished row.
     pub progress: Option<&'a (dyn Fn(u64) + Sync)>,
 }
 
 impl Default for RenderOptions<'_> {
     fn default() -> Self {
-        Self { bounces: 0, cosine: true, progress: None }
+        Self { bounces: 0, cosine: true, placed: None, progress: None }
     }
 }
 
@@ -63,7 +97,7 @@ pub fn render(
     let [wide, high] = scene.size;
     let shader =
         Shader { scene, view, mixture: Mixture::new(paint.brdf.sharpness()), cosine: options.cosine };
-    let tracer = Tracer { shader, paint, bounces: options.bounces };
+    let tracer = Tracer { shader, paint, placed: options.placed, bounces: options.bounces };
     let rows: Vec<Vec<([f32; 3], f32, bool)>> = (0..high)
         .into_par_iter()
         .map(|row| {
@@ -96,6 +130,7 @@ pub(super) fn nothing_visible(scene: &Scene, view: &View) -> SceneError {
 struct Tracer<'a> {
     shader: Shader<'a>,
     paint: Paint<'a>,
+    placed: Option<Placed<'a>>,
     bounces: u32,
 }
 
@@ -138,7 +173,7 @@ impl Tracer<'_> {
         let (mut sum, mut carried) = ([0.0; 3], [1.0; 3]);
         let around = s.environments().next().is_some();
         for depth in 0..=self.bounces {
-            sum = plus(sum, times(self.straight(&v, numbers), carried));
+            sum = plus(sum, times(self.straight(&v, numbers, depth == 0), carried));
             // farther on a lamp's small bright image would be met by chance: specks instead of light
             if depth == 0
                 && let Some(coat) = self.paint.gloss
@@ -150,7 +185,7 @@ impl Tracer<'_> {
                 break;
             }
             let Some(drawn) = s.draw(&v, numbers) else { break };
-            let f = self.paint.brdf.eval(drawn.local, v.view);
+            let f = self.reflectance(drawn.local, &v, depth == 0);
             let Some(next) = body.hit(v.leave(body), drawn.world) else {
                 sum = plus(sum, times(times(f, s.escaped(&drawn)), carried));
                 break;
@@ -165,11 +200,19 @@ impl Tracer<'_> {
         Some(sum)
     }
 
+    /// f at a place: with its own flakes where the camera sees it, else their mean.
+    fn reflectance(&self, light: Vec3, v: &Vertex, seen: bool) -> Rgb {
+        match &self.placed {
+            Some(p) if seen => p.brdf.eval_at(light, v.view, p.position_mm(v)),
+            _ => self.paint.brdf.eval(light, v.view),
+        }
+    }
+
     /// Reflected light that came straight from the lamps.
-    fn straight(&self, v: &Vertex, numbers: &mut Sequence) -> Rgb {
+    fn straight(&self, v: &Vertex, numbers: &mut Sequence, seen: bool) -> Rgb {
         let mut sum = [0.0; 3];
         self.shader.lamps(v, numbers, &mut |light, weight| {
-            let f = self.paint.brdf.eval(light, v.view);
+            let f = self.reflectance(light, v, seen);
             for c in 0..3 {
                 sum[c] += f[c] * weight[c];
             }
@@ -184,7 +227,7 @@ impl Tracer<'_> {
         let from = v.leave(body);
         match body.hit(from, world) {
             None => self.shader.mirrored(v.position, world),
-            Some(hit) => self.straight(&Vertex::new(&hit, world), numbers),
+            Some(hit) => self.straight(&Vertex::new(&hit, world), numbers, false),
         }
     }
 }

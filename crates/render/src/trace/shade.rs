@@ -19,7 +19,7 @@ const LOWEST: f64 = 0.01;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Vertex {
     pub(super) position: Vec3,
-    geometric: Vec3,
+    pub(super) geometric: Vec3,
     tangents: (Vec3, Vec3),
     normal: Vec3,
     /// Towards the viewer, local.

@@ -5,6 +5,7 @@
 
 pub mod btf_folder;
 pub mod car_paint;
+pub mod design;
 pub mod fit;
 pub mod flake_btf;
 pub mod mixing;

@@ -11,7 +11,7 @@ mod mixable;
 mod realise;
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 pub use mixable::Mixable;
 pub use realise::{Mixed, Part, Realisation};

@@ -9,7 +9,7 @@ use super::*;
 use crate::car_paint::{CarPaint, CarPaintParts, ColourTable, FlakeSlices, Flakes};
 use crate::statistics::{StatisticsOptions, tests::flaky};
 
-fn paint(name: &str, blue: f64, flakes: Option<u64>) -> Arc<CarPaint> {
+pub(crate) fn paint(name: &str, blue: f64, flakes: Option<u64>) -> Arc<CarPaint> {
     let angles = || vec![Angle::from_degrees(0.0), Angle::from_degrees(30.0)];
     let colour = ColourTable::new(angles(), angles(), vec![[1.0, 0.8, blue as f32]; 4]).expect("sound");
     let flakes = flakes.map(|seed| {
@@ -30,7 +30,7 @@ fn paint(name: &str, blue: f64, flakes: Option<u64>) -> Arc<CarPaint> {
     Arc::new(CarPaint::new(parts).expect("sound"))
 }
 
-fn pair() -> Mixable {
+pub(crate) fn pair() -> Mixable {
     let paints = [paint("a", 0.3, Some(1)), paint("b", 1.2, Some(2))];
     Mixable::new(&paints, &StatisticsOptions::default()).expect("mixable")
 }

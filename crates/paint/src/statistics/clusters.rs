@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::lab::{brdf_from_lab, lab_from_brdf_lanes};
 use super::octree::{Cuboids, Octree};
-use super::{STEPS, fidelity::gauss_mean};
+use super::{STEPS, fidelity::mean_colour};
 use crate::FlakeBtf;
 
 /// How statistics are taken.
@@ -167,7 +167,7 @@ impl FlakeStatistics {
                 let mut sum = [0.0; 3];
                 for c in self.clusters(k) {
                     let p = f64::from(c.steps) / STEPS as f64;
-                    let mean = gauss_mean(c);
+                    let mean = mean_colour(c);
                     for i in 0..3 {
                         sum[i] += p * mean[i];
                     }

@@ -132,13 +132,30 @@ pub(crate) fn compare(original: &[[f32; 3]], rebuilt: &[[f32; 3]]) -> SliceFidel
     SliceFidelity { mean, deviation, distance, luminance, original: was, rebuilt: is }
 }
 
-/// Mean colour (1/sr) of a box, colours uniform in Lab: three Gauss points on each axis, exact where the cube curve holds.
-pub(super) fn gauss_mean(cluster: &Cluster) -> [f64; 3] {
+/// Mean colour (1/sr) of a box, colours uniform in Lab.
+///
+/// Where all of the box lies on the cube curve, `E[(c + u + v)³] = c³ + c (p² + q²)` for u, v uniform in ±p, ±q; else three Gauss points on each axis.
+pub(super) fn mean_colour(cluster: &Cluster) -> [f64; 3] {
+    let centre = cluster.centre();
+    let half = [0, 1, 2].map(|c: usize| 0.5 * (f64::from(cluster.high[c]) - f64::from(cluster.low[c])).abs());
+    let y = (centre[0] + 16.0) / 116.0;
+    let (p, qa, qb) = (half[0] / 116.0, half[1] / 500.0, half[2] / 200.0);
+    let (x, z) = (y + centre[1] / 500.0, y - centre[2] / 200.0);
+    if (x - p - qa).min(y - p).min(z - p - qb) > 6.0 / 29.0 {
+        let cube = |c: f64, q: f64| c * c * c + c * (p * p + q * q);
+        let xyz = [cube(x, qa), cube(y, 0.0), cube(z, qb)];
+        let white = gonio_optics::colour::D65_WHITE;
+        let rgb =
+            gonio_optics::colour::rgb_from_xyz([xyz[0] * white[0], xyz[1] * white[1], xyz[2] * white[2]]);
+        return rgb.map(|c| c / std::f64::consts::PI);
+    }
+    gauss_mean(centre, half)
+}
+
+fn gauss_mean(centre: [f64; 3], half: [f64; 3]) -> [f64; 3] {
     // √(3/5) and weights 5/18, 8/18
     const NODES: [f64; 3] = [-0.774_596_669_241_483_4, 0.0, 0.774_596_669_241_483_4];
     const WEIGHTS: [f64; 3] = [5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0];
-    let centre = cluster.centre();
-    let half = [0, 1, 2].map(|c: usize| 0.5 * (f64::from(cluster.high[c]) - f64::from(cluster.low[c])));
     let mut sum = [0.0; 3];
     for (x, wx) in NODES.iter().zip(WEIGHTS) {
         for (y, wy) in NODES.iter().zip(WEIGHTS) {
@@ -152,4 +169,16 @@ pub(super) fn gauss_mean(cluster: &Cluster) -> [f64; 3] {
         }
     }
     sum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_mean_of_a_box_in_closed_form_is_that_of_quadrature() {
+        let cluster = Cluster { low: [20.0, -30.0, 5.0], high: [90.0, 40.0, 50.0], steps: 1 };
+        let (a, b) = (mean_colour(&cluster), gauss_mean(cluster.centre(), [35.0, 35.0, 22.5]));
+        assert!((0..3).all(|c| (a[c] - b[c]).abs() < 1e-12), "{a:?} {b:?}");
+    }
 }

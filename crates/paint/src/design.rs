@@ -1,7 +1,7 @@
 //! Designing: the mixture of measured paints that comes closest to a target seen from several angles.
 //!
 //! The mean CIEDE2000 over the angles is minimised over the weights, which sum to 1: from the best point of a coarse lattice a compass search
-//! halves its steps until they are below a thousandth. No derivative is needed and no starting value; with at most five paints the
+//! halves its steps until they are below a ten-thousandth. No derivative is needed and no starting value; with at most five paints the
 //! lattice is small.
 
 use gonio_brdf::Brdf;
@@ -92,7 +92,7 @@ pub enum DesignError {
 /// Steps along an edge of the lattice that the search starts from.
 const LATTICE: usize = 4;
 /// The last step of the search.
-const FINEST: f64 = 5e-4;
+const FINEST: f64 = 1e-4;
 
 /// The closest mixture.
 ///

@@ -9,12 +9,14 @@
 mod analytic;
 mod mixable;
 mod realise;
+mod shader;
 
 #[cfg(test)]
 pub(crate) mod tests;
 
 pub use mixable::Mixable;
 pub use realise::{Mixed, Part, Realisation};
+pub use shader::ShaderFlakes;
 
 use crate::statistics::StatisticsError;
 use crate::transport::TransportError;

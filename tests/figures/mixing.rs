@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use gonio_brdf::Coat;
-use gonio_optics::{Angle, Vec3, colour::lab_from_brdf, flake::flake_angles, fresnel};
+use gonio_optics::{Angle, colour::lab_from_brdf};
 use gonio_paint::btf_folder::{SliceFormat, read_btf_folder, write_btf_folder};
 use gonio_paint::car_paint::{ColourTable, FlakeSlices, Flakes, Through};
 use gonio_paint::mixing::{Mixable, Part, Realisation};
@@ -20,51 +20,23 @@ const HALF_DEG: [f64; 6] = [0.0, 3.0, 6.0, 9.0, 12.0, 15.0];
 const INCIDENCE_DEG: [f64; 6] = [5.0, 9.0, 13.0, 17.0, 21.0, 25.0];
 const SIDE: usize = 128;
 
-/// Silver flakes over blue-grey and copper flakes over red-brown, each at a share of its density.
-fn simulated(silver: f64, copper: f64, seed: u64) -> FlakeBtf {
-    let diffuse =
-        [0.03 * silver + 0.09 * copper, 0.04 * silver + 0.03 * copper, 0.06 * silver + 0.02 * copper];
-    let mut text = format!(
-        "format = \"gonio-flake-paint\"\nversion = 1\nseed = {seed}\ncoat_index = {INDEX}\ndiffuse = {diffuse:?}\ntile_mm = 4.0\ntexel_mm = 0.02\n"
-    );
-    for (share, density, size, spread, colour) in
-        [(silver, 500.0, 0.03, 8.0, "[0.85, 0.86, 0.88]"), (copper, 300.0, 0.04, 12.0, "[0.9, 0.5, 0.3]")]
-    {
-        if share > 0.0 {
-            text += &format!(
-                "[[flakes]]\ndensity_per_mm2 = {:?}\nsize_mm = {size}\nsize_spread = 0.3\nspread_deg = {spread:?}\ndepth_mm = [0.002, 0.03]\nreflectance = {colour}\n",
-                share * density
-            );
-        }
-    }
-    let field = Field::new(FlakePaint::from_toml(&text).expect("readable")).expect("sound");
+const SILVER: &str = "format = \"gonio-flake-paint\"\nversion = 1\nname = \"silver\"\nseed = 21\ncoat_index = 1.5\ndiffuse = [0.03, 0.04, 0.06]\n[[flakes]]\n\
+    density_per_mm2 = 500.0\nsize_mm = 0.03\nsize_spread = 0.3\nspread_deg = 8.0\ndepth_mm = [0.002, 0.03]\nreflectance = [0.85, 0.86, 0.88]\n";
+const COPPER: &str = "format = \"gonio-flake-paint\"\nversion = 1\nname = \"copper\"\nseed = 22\ncoat_index = 1.5\ndiffuse = [0.09, 0.03, 0.02]\n[[flakes]]\n\
+    density_per_mm2 = 300.0\nsize_mm = 0.04\nsize_spread = 0.3\nspread_deg = 12.0\ndepth_mm = [0.002, 0.03]\nreflectance = [0.9, 0.5, 0.3]\n";
+
+/// Slices of a paint of single flakes as a perfect texture camera sees them.
+fn slices(paint: FlakePaint) -> FlakeBtf {
+    let field = Field::new(paint).expect("sound");
     let mut texels = Vec::with_capacity(36 * SIDE * SIDE);
     for half in HALF_DEG {
         for incidence in INCIDENCE_DEG {
-            let (l, v) = directions(half, incidence);
-            let t = |d: Vec3| 1.0 - fresnel::dielectric(d.z, INDEX);
-            let through = t(l) * t(v) / (INDEX * INDEX);
-            let slice = field.texels([0, 0], [SIDE, SIDE], l, v);
-            texels.extend(slice.into_iter().map(|f| f.map(|x| (f64::from(x) / through) as f32)));
+            let (half, incidence) = (Angle::from_degrees(half), Angle::from_degrees(incidence));
+            texels.extend(field.slice(half, incidence, [0, 0], [SIDE, SIDE]));
         }
     }
     let angles = |deg: [f64; 6]| deg.map(Angle::from_degrees).to_vec();
     FlakeBtf::new(angles(HALF_DEG), angles(INCIDENCE_DEG), [SIDE, SIDE], texels).expect("sound")
-}
-
-/// Outside directions in the plane with these angles inside.
-fn directions(half_deg: f64, incidence_deg: f64) -> (Vec3, Vec3) {
-    let outside = |inside_deg: f64, side: f64| {
-        let s = INDEX * inside_deg.to_radians().sin();
-        Vec3::new(side * s, 0.0, (1.0 - s * s).sqrt())
-    };
-    let (l, v) = (outside(incidence_deg + half_deg, 1.0), outside(incidence_deg - half_deg, -1.0));
-    let found = flake_angles(l, v, INDEX);
-    assert!(
-        (found.theta_flake.degrees() - half_deg).abs() < 1e-6
-            && (found.theta_inc.degrees() - incidence_deg).abs() < 1e-6
-    );
-    (l, v)
 }
 
 fn paint(btf: FlakeBtf) -> Arc<CarPaint> {
@@ -100,8 +72,10 @@ fn distance(p: &FlakeStatistics, q: &FlakeStatistics) -> f64 {
 /// What statistics keep of simulated flakes, and how a half-and-half mixture compares with a paint of both flakes.
 pub fn figures() -> Vec<Figure> {
     let seed = 21;
-    let (silver, copper) = (simulated(1.0, 0.0, seed), simulated(0.0, 1.0, seed + 1));
-    let both = simulated(0.5, 0.5, seed + 2);
+    let described = |text| FlakePaint::from_toml(text).expect("readable");
+    let (silver, copper) = (described(SILVER), described(COPPER));
+    let both = slices(FlakePaint::mixed(&silver, &copper, 0.5).expect("a share"));
+    let (silver, copper) = (slices(silver), slices(copper));
     let options = StatisticsOptions::default();
     let taken = |btf: &FlakeBtf| FlakeStatistics::of(btf, &options).expect("statistics");
     let (s, c, b) = (taken(&silver), taken(&copper), taken(&both));

@@ -30,6 +30,7 @@ pub fn path(name: &str) -> PathBuf {
 /// Of a sample on the reference instrument, as it stands in its description.
 pub fn arguments(truth: &Path, output: &Path, seed: u64, reference: Vec<PathBuf>) -> ScanArguments {
     ScanArguments {
+        texture: false,
         device: "sim".to_owned(),
         camera: "sim".to_owned(),
         instrument: "reference".to_owned(),

@@ -43,11 +43,29 @@ film_nm = 90.0
 film_spread_nm = 8.0
 "#;
 
-/// A paint with one tenth of the flakes of the story, quick to look at.
+/// A row of a table of published paints.
 const GUENTHER: &str = "# made up\nname,kd_r,kd_g,kd_b,ks1_r,ks1_g,ks1_b,ks2_r,ks2_g,ks2_b,ks3_r,ks3_g,ks3_b,R1,R2,R3,M1,M2,M3\n\
     night,0.01,0.02,0.1,0.004,0.005,0.006,0.02,0.02,0.03,0.005,0.006,0.007,0.9,0.2,0.2,0.3,0.15,0.05\n";
 
-const SCENE: &str = "format = \"gonio-scene\"\nversion = 1\nname = \"ball\"\n[object]\nshape = \"sphere\"\n[camera]\nfrom = [0, 0, 4]\nlook_at = [0, 0, 0]\nfov_deg = 32\n[[light]]\nkind = \"directional\"\ndirection = [0.5, 0.5, 1.0]\n[picture]\nsize = [48, 48]\nsamples = 4\n";
+const SCENE: &str = r#"
+format = "gonio-scene"
+version = 1
+name = "ball"
+size = [48, 48]
+samples = 4
+
+[camera]
+from = [0, 0, 4]
+to = [0, 0, 0]
+field_of_view_deg = 32
+
+[object]
+shape = "sphere"
+
+[[light]]
+kind = "directional"
+towards = [0.5, 0.5, 1.0]
+"#;
 
 fn scanned() -> Bench {
     let bench = Bench::new();
@@ -77,7 +95,8 @@ fn a_texture_scan_is_replayed_to_the_bit_and_shows_the_flakes_that_are_there() {
         assert_eq!(read(&first), read(&again), "{name}");
     }
     let textures = &told["textures"];
-    assert!(textures["off_max_deg"].as_f64().expect("a number") <= 1.5, "{textures}");
+    let number = |key: &str| textures[key].as_f64().expect("a number");
+    assert!(number("off_max_deg") <= 1.5 && number("covered") > number("filled"), "{textures}");
     let folder = read_btf_folder(&first).expect("slices");
     assert!(folder.btf.half().len() >= 4 && folder.btf.incidence().len() >= 4, "{textures}");
     assert_eq!((folder.btf.size(), folder.texel_mm, folder.coat_index), ([32, 32], 0.02, Some(1.5)));
@@ -118,7 +137,8 @@ fn a_texture_scan_is_replayed_to_the_bit_and_shows_the_flakes_that_are_there() {
             let found: Vec<f64> = slice.texels.iter().map(|t| f64::from(t[1])).collect();
             let mean = |x: &[f64]| x.iter().sum::<f64>() / x.len() as f64;
             let (me, mf) = (mean(&expected), mean(&found));
-            if me < 0.05 {
+            // looked at from the side a pixel spans several texels, and those beyond the raster
+            if me < 0.05 || v.z < 0.5 {
                 continue;
             }
             assert!((mf / me - 1.0).abs() < 0.06, "tilt {tilt} head {}: {mf} {me}", slice.head);
@@ -161,13 +181,13 @@ fn the_main_camera_sees_other_flakes_at_each_spin_and_the_mean_over_them() {
     let flakes = Sample::flakes(&field);
     let mut mean = Sample::flakes(&field);
     mean.flakes = None;
-    let spins = 8;
+    let spins = 6;
     let smooth = optics.rate_map(Pose::from_degrees(25.0, 0.0), 0.0, &mean).rates;
     let lit: Vec<usize> = (0..smooth.len()).filter(|&p| smooth[p] > 0.0).collect();
     let mut sums = vec![0.0f64; smooth.len()];
     let mut spread = 0.0;
     for s in 0..spins {
-        let rates = optics.rate_map(Pose::from_degrees(25.0, 45.0 * f64::from(s)), 0.0, &flakes).rates;
+        let rates = optics.rate_map(Pose::from_degrees(25.0, 60.0 * f64::from(s)), 0.0, &flakes).rates;
         for &p in &lit {
             let ratio = f64::from(rates[p]) / f64::from(smooth[p]);
             sums[p] += ratio / f64::from(spins);
@@ -213,18 +233,12 @@ fn a_paint_is_converted_told_of_fitted_and_rendered_with_its_flakes() {
     let fit = bench.ok(&["fit", "night.nc", "--model", "car-paint", "-o", "fitted.paint", "--json"]).json();
     let error = fit["fit"]["delta_e"]["beyond_15_deg"]["mean"].as_f64().expect("a number");
     assert!(error < 1.0, "{error}");
-    bench.ok(&[
-        "fit",
-        "night.nc",
-        "--model",
-        "car-paint",
-        "--coat",
-        "1.5",
-        "--flakes",
-        "T.textures",
-        "-o",
-        "sparkling.paint",
-    ]);
+    // the paint of the textures, seen by the instrument's camera
+    bench.ok(&["scan", "--instrument", "tiny", "--truth", "silver.toml", "-o", "M.mcap", "--fit"]);
+    let words = ["fit", "M.nc", "--model", "car-paint", "--coat", "1.5", "--flakes", "T.textures"];
+    let fit = bench.ok(&[&words[..], &["-o", "sparkling.paint", "--json"]].concat()).json();
+    let error = fit["fit"]["delta_e"]["beyond_15_deg"]["mean"].as_f64().expect("a number");
+    assert!(error < 6.0, "{error}");
     let info = bench.ok(&["info", "sparkling.paint", "--json"]).json();
     assert_eq!(info["flakes"]["kind"], "slices");
     bench.ok(&["render", "sparkling.paint", "--scene", "scene.toml", "-o", "flakes.exr"]);

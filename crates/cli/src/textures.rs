@@ -36,6 +36,8 @@ pub struct Slices {
     rms_deg: f64,
     largest_deg: f64,
     recorded: usize,
+    covered: usize,
+    filled: usize,
     holes: usize,
     index: Option<f64>,
     /// Poses that could not be used, with the reason.
@@ -47,7 +49,7 @@ impl Slices {
     #[must_use]
     pub fn lines(&self) -> String {
         format!(
-            "{} × {} slices of {} × {} texels ({} mm) in {}\n  half angles {:.0}° … {:.0}°, incidence {:.0}° … {:.0}°, of {} recorded; the angles of a slice are off by {:.2}° (r.m.s.), at most {:.2}°\n",
+            "{} × {} slices of {} × {} texels ({} mm) in {}\n  half angles {:.0}° … {:.0}°, incidence {:.0}° … {:.0}°, of {} recorded\n  {} pairs of angles have their own slice, off by {:.2}° (r.m.s.), at most {:.2}°; {} take the nearest\n",
             self.shape[0],
             self.shape[1],
             self.size[0],
@@ -59,8 +61,10 @@ impl Slices {
             self.incidence_deg[0],
             self.incidence_deg[1],
             self.recorded,
+            self.covered,
             self.rms_deg,
-            self.largest_deg
+            self.largest_deg,
+            self.filled
         )
     }
 
@@ -70,7 +74,7 @@ impl Slices {
         json!({
             "folder": shown(&self.folder), "half_deg": self.half_deg, "incidence_deg": self.incidence_deg,
             "slices": self.shape, "size": self.size, "texel_mm": self.texel_mm, "off_rms_deg": self.rms_deg,
-            "off_max_deg": self.largest_deg, "recorded": self.recorded, "holes": self.holes, "coat_index": self.index,
+            "off_max_deg": self.largest_deg, "recorded": self.recorded, "covered": self.covered, "filled": self.filled, "holes": self.holes, "coat_index": self.index,
             "lost": self.lost,
         })
     }
@@ -178,7 +182,8 @@ fn write(
 ) -> Result<Slices, Failure> {
     let camera = instrument.textures().ok_or_else(|| Failure::usage("the session holds no textures"))?;
     let angles: Vec<(Angle, Angle)> = slices.iter().map(|s| (s.half, s.incidence)).collect();
-    let grid = choose(&angles, STEP, TOLERANCE).map_err(Failure::usage)?;
+    let steepest = Angle::from_radians(gonio_optics::edge::safe_asin(1.0 / index.unwrap_or(1.0)));
+    let grid = choose(&angles, STEP, TOLERANCE, steepest).map_err(Failure::usage)?;
     let size = camera.texels();
     let mut texels = Vec::with_capacity(grid.picks.len() * size[0] * size[1]);
     let mut holes = 0;
@@ -202,6 +207,8 @@ fn write(
         rms_deg: grid.rms.degrees(),
         largest_deg: grid.largest.degrees(),
         recorded: slices.len(),
+        covered: grid.covered,
+        filled: grid.filled,
         holes,
         index,
         lost,

@@ -28,14 +28,14 @@ pub struct TextureCamera {
 }
 
 impl TextureCamera {
-    /// The texture camera of an instrument that names none: ten heads from 10° to 64°, 2.56 mm of the sample in texels of 0.02 mm.
+    /// The texture camera of an instrument that names none: seventeen heads from 10° to 138°, 2.56 mm of the sample in texels of 0.02 mm.
     #[must_use]
     pub fn standard() -> Self {
         Self {
-            heads_deg: (0..10).map(|k| 10.0 + 6.0 * f64::from(k)).collect(),
+            heads_deg: (0..17).map(|k| 10.0 + 8.0 * f64::from(k)).collect(),
             size: [256, 256],
             pixel_mm: 0.01,
-            tilt_deg: (0..25).map(|k| 3.0 * f64::from(k)).collect(),
+            tilt_deg: (0..27).map(|k| 3.0 * f64::from(k)).collect(),
             active: false,
         }
     }

@@ -8,6 +8,7 @@ pub mod car_paint;
 pub mod design;
 pub mod fit;
 pub mod flake_btf;
+pub mod flake_floor;
 pub mod mixing;
 pub mod statistics;
 pub mod transport;

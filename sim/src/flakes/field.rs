@@ -1,7 +1,7 @@
 //! The flakes of a tile: made from the description and its seed, asked texel by texel or on average.
 
 use std::f64::consts::{FRAC_1_PI, PI};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use gonio_brdf::{Brdf, Rgb};
 use gonio_optics::{Vec3, flake::FlakeVectors, fresnel};
@@ -67,8 +67,8 @@ pub struct Field {
     shares: Vec<Share>,
     /// Mean share of the surface that no flake covers.
     bare: f64,
-    /// Flakes by cells for footprints.
-    pub(super) cells: super::footprint::Cells,
+    /// Flakes by cells for footprints, made when the first is asked for.
+    cells: OnceLock<super::footprint::Cells>,
 }
 
 /// Light and view inside the coat with all that flakes need of them.
@@ -84,6 +84,22 @@ pub(super) struct Seen {
     pub sine: f64,
     /// 1/cos ī + 1/cos ō: way in the coat per depth.
     pub way: f64,
+}
+
+impl Seen {
+    /// Of two unit directions inside the coat, both above the surface.
+    pub(super) fn inside(l: Vec3, v: Vec3, factor: f64) -> Self {
+        let h = l + v;
+        let flake = FlakeVectors::inside(l, v);
+        let cos_h = flake.sum_z / flake.sum;
+        Self {
+            factor,
+            slope: [-h.x / h.z, -h.y / h.z],
+            scale: 1.0 / (cos_h.powi(4) * 4.0 * l.z * v.z),
+            sine: 0.5 * flake.difference,
+            way: 1.0 / l.z + 1.0 / v.z,
+        }
+    }
 }
 
 impl Field {
@@ -102,8 +118,7 @@ impl Field {
         let side = ((paint.tile_mm / paint.texel_mm).round() as usize).max(1);
         let (starts, shares, bare) = cover(&paint, side, &mut flakes);
         let kinds = paint.flakes.iter().enumerate().map(|(k, p)| kind(&paint, p, k, &flakes)).collect();
-        let cells = super::footprint::Cells::new(paint.tile_mm, &flakes);
-        Ok(Self { paint, kinds, flakes, side, starts, shares, bare, cells })
+        Ok(Self { paint, kinds, flakes, side, starts, shares, bare, cells: OnceLock::new() })
     }
 
     /// What it is made from.
@@ -217,16 +232,7 @@ impl Field {
         let n = self.paint.coat_index;
         let t = |cos: f64| 1.0 - fresnel::dielectric(cos, n);
         let (l, v) = (fresnel::refract(light, n), fresnel::refract(view, n));
-        let h = l + v;
-        let flake = FlakeVectors::inside(l, v);
-        let cos_h = flake.sum_z / flake.sum;
-        Some(Seen {
-            factor: t(light.z) * t(view.z) / (n * n),
-            slope: [-h.x / h.z, -h.y / h.z],
-            scale: 1.0 / (cos_h.powi(4) * 4.0 * l.z * v.z),
-            sine: 0.5 * flake.difference,
-            way: 1.0 / l.z + 1.0 / v.z,
-        })
+        Some(Seen::inside(l, v, t(light.z) * t(view.z) / (n * n)))
     }
 
     /// The mean over the surface and over the tilts flakes are drawn from, 1/sr.
@@ -248,6 +254,24 @@ impl Field {
             }
         }
         sum.map(|v| s.factor * v)
+    }
+
+    /// Flakes by cells.
+    pub(super) fn cells(&self) -> &super::footprint::Cells {
+        self.cells.get_or_init(|| super::footprint::Cells::new(self.paint.tile_mm, &self.kinds, &self.flakes))
+    }
+
+    /// Mean reflectance of a kind's flakes, the coat over them included.
+    pub(super) fn kind_colour(&self, kind: &Kind, s: &Seen) -> Rgb {
+        let (mut sum, mut total) = ([0.0; 3], 0.0);
+        for &(depth, film, share) in &kind.classes {
+            let r = kind.film.at(film, s.sine);
+            total += share;
+            for c in 0..3 {
+                sum[c] += share * r[c] * self.tint(depth, s, c);
+            }
+        }
+        sum.map(|v| v / f64::max(total, f64::MIN_POSITIVE))
     }
 
     /// What lies between the flakes, without the coat's factor.

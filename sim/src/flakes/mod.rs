@@ -17,6 +17,7 @@ mod description;
 mod field;
 mod film;
 mod footprint;
+mod slices;
 #[cfg(test)]
 mod tests;
 

@@ -164,3 +164,33 @@ fn what_no_paint_can_be_is_named() {
     }
     assert!(FlakePaint::is_one(SILVER) && !FlakePaint::is_one("format = \"gonio-plan\""));
 }
+
+#[test]
+fn a_slice_is_what_its_directions_show() {
+    let f = field(SILVER);
+    let (l, v) = Geometry::from_degrees(35.0, 10.0, 180.0).directions();
+    let inside = |d: Vec3| gonio_optics::fresnel::refract(d, 1.5);
+    let polar = |d: Vec3| gonio_optics::Angle::from_radians(d.x.atan2(d.z));
+    let (a, b) = (polar(inside(l)), polar(inside(v)));
+    let slice = f.slice((a + b) * 0.5, (a - b) * 0.5, [7, 9], [20, 10]);
+    let k = f.seen(l, v).expect("above").factor;
+    for (s, t) in slice.iter().zip(f.texels([7, 9], [20, 10], l, v)) {
+        assert!(
+            (0..3).all(|c| (f64::from(s[c]) * k - f64::from(t[c])).abs() <= 1e-5 * f64::from(t[c])),
+            "{s:?} {t:?}"
+        );
+    }
+}
+
+#[test]
+fn a_mix_has_the_flakes_of_both_at_their_share() {
+    let a = FlakePaint::from_toml(SILVER).expect("readable");
+    let mut b = a.clone();
+    b.flakes.truncate(1);
+    b.diffuse = [0.1; 3];
+    let half = FlakePaint::mixed(&a, &b, 0.5).expect("a share");
+    assert_eq!(half.flakes.iter().map(|p| p.density_per_mm2).collect::<Vec<_>>(), [450.0, 150.0, 450.0]);
+    assert!((half.diffuse[0] - 0.06).abs() < 1e-12 && half.check().is_ok());
+    assert_eq!(FlakePaint::mixed(&a, &b, 0.0).expect("a share").flakes, a.flakes);
+    assert!(FlakePaint::mixed(&a, &b, 1.5).is_err());
+}

@@ -1,7 +1,8 @@
-//! A grid of half angles and angles of incidence that the recorded slices cover.
+//! A grid of half angles and angles of incidence for the recorded slices.
 //!
-//! Tilts and heads reach pairs of angles that lie on no grid: refraction bends their rows. Each node takes the slice nearest to it; the grid is the largest
-//! block of nodes, a step apart, that all have one near enough.
+//! Tilts and heads reach pairs of angles that lie on no grid: refraction bends their rows. The grid spans what was recorded, and each node takes the slice nearest
+//! to it. Nodes whose sum of angles exceeds the steepest direction inside the coat are never asked for (a half angle θh and an incidence θi need a direction
+//! at θh + θi); they only fill the rectangle. Of the others it is told how many have no slice near enough.
 
 use gonio_optics::Angle;
 
@@ -16,82 +17,76 @@ pub struct GridChoice {
     pub incidence: Vec<Angle>,
     /// Place of each node's slice, in order of half angle, then angle of incidence.
     pub picks: Vec<usize>,
-    /// Root mean square distance of a node from its slice.
+    /// Nodes that may be asked for and have a slice near enough.
+    pub covered: usize,
+    /// Nodes that may be asked for and have none: they take the nearest.
+    pub filled: usize,
+    /// Root mean square distance of a covered node from its slice.
     pub rms: Angle,
-    /// Largest distance.
+    /// Largest distance of a covered node.
     pub largest: Angle,
 }
 
-/// Chooses a grid with nodes `step` apart, each with a slice within `tolerance`, from the (half, incidence) of the slices.
+/// Chooses a grid with nodes `step` apart for the (half, incidence) of the slices; near enough is within `tolerance`, `steepest` the largest polar angle
+/// inside the coat.
 ///
 /// # Errors
-/// [`TextureError::NoGrid`] where not even 2 × 2 nodes are covered.
-pub fn choose(slices: &[(Angle, Angle)], step: Angle, tolerance: Angle) -> Result<GridChoice, TextureError> {
+/// [`TextureError::NoGrid`] where fewer than 2 × 2 nodes are covered.
+pub fn choose(
+    slices: &[(Angle, Angle)],
+    step: Angle,
+    tolerance: Angle,
+    steepest: Angle,
+) -> Result<GridChoice, TextureError> {
     let none = || TextureError::NoGrid {
         slices: slices.len(),
         step_deg: step.degrees(),
         tolerance_deg: tolerance.degrees(),
     };
-    if step.degrees() < 0.1 || step.degrees() > 90.0 {
+    if !(0.1..=90.0).contains(&step.degrees()) || slices.is_empty() {
         return Err(none());
     }
-    let last = |f: fn(&(Angle, Angle)) -> Angle| {
-        let most = slices.iter().map(|s| f(s).degrees()).fold(0.0, f64::max);
-        ((most / step.degrees()).ceil() as usize).min(900)
+    // nodes from the first that the smallest angle is near to, to the last that the largest is
+    let axis = |f: fn(&(Angle, Angle)) -> Angle| -> Vec<Angle> {
+        let deg = || slices.iter().map(|s| f(s).degrees());
+        let (low, high) = (deg().fold(f64::INFINITY, f64::min), deg().fold(0.0, f64::max));
+        let first = ((low - tolerance.degrees()) / step.degrees()).ceil().max(0.0) as usize;
+        let last = ((high + tolerance.degrees()).min(90.0) / step.degrees()).floor().min(900.0) as usize;
+        (first..=last.max(first)).map(|k| step * k as f64).collect()
     };
-    let (nh, ni) = (last(|s| s.0) + 1, last(|s| s.1) + 1);
-    let node = |k: usize| step * k as f64;
-    // the nearest slice of each node with its distance
-    let nearest: Vec<Option<(usize, f64)>> = (0..nh * ni)
-        .map(|k| {
-            let (h, i) = (node(k / ni).degrees(), node(k % ni).degrees());
-            let off = |s: &(Angle, Angle)| (s.0.degrees() - h).hypot(s.1.degrees() - i);
-            let best = slices.iter().map(off).enumerate().min_by(|a, b| a.1.total_cmp(&b.1))?;
-            (best.1 <= tolerance.degrees()).then_some(best)
-        })
-        .collect();
-    let (h, i) = largest_block(&nearest, nh, ni).ok_or_else(none)?;
-    let mut picks = Vec::new();
+    let (half, incidence) = (axis(|s| s.0), axis(|s| s.1));
+    let (mut picks, mut covered, mut filled) = (Vec::new(), 0, 0);
     let (mut squares, mut largest) = (0.0f64, 0.0f64);
-    for a in h.0..h.1 {
-        for b in i.0..i.1 {
-            let (pick, off) = nearest[a * ni + b].unwrap_or((0, 0.0));
+    for h in &half {
+        for i in &incidence {
+            let off = |s: &(Angle, Angle)| (s.0.degrees() - h.degrees()).hypot(s.1.degrees() - i.degrees());
+            let nearest = slices.iter().map(off).enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
+            let (pick, off) = nearest.unwrap_or((0, f64::INFINITY));
             picks.push(pick);
-            squares += off * off;
-            largest = largest.max(off);
-        }
-    }
-    let rms = (squares / picks.len() as f64).sqrt();
-    Ok(GridChoice {
-        half: (h.0..h.1).map(node).collect(),
-        incidence: (i.0..i.1).map(node).collect(),
-        picks,
-        rms: Angle::from_degrees(rms),
-        largest: Angle::from_degrees(largest),
-    })
-}
-
-type Span = (usize, usize);
-
-/// The largest rectangle of nodes that all have a slice; of two alike the one nearer to 0°.
-fn largest_block(nodes: &[Option<(usize, f64)>], nh: usize, ni: usize) -> Option<(Span, Span)> {
-    let mut best: Option<(usize, Span, Span)> = None;
-    for top in 0..nh {
-        // for each column, how far down from `top` it is covered
-        let depth: Vec<usize> =
-            (0..ni).map(|i| (top..nh).take_while(|h| nodes[h * ni + i].is_some()).count()).collect();
-        for left in 0..ni {
-            let mut least = usize::MAX;
-            for right in left..ni {
-                least = least.min(depth[right]);
-                let area = least * (right + 1 - left);
-                if least >= 2 && right > left && best.is_none_or(|b| area > b.0) {
-                    best = Some((area, (top, top + least), (left, right + 1)));
-                }
+            if (*h + *i) > steepest {
+                continue;
+            }
+            if off <= tolerance.degrees() {
+                covered += 1;
+                squares += off * off;
+                largest = largest.max(off);
+            } else {
+                filled += 1;
             }
         }
     }
-    best.map(|b| (b.1, b.2))
+    if covered < 4 || half.len() < 2 || incidence.len() < 2 {
+        return Err(none());
+    }
+    Ok(GridChoice {
+        half,
+        incidence,
+        picks,
+        covered,
+        filled,
+        rms: Angle::from_degrees((squares / covered as f64).sqrt()),
+        largest: Angle::from_degrees(largest),
+    })
 }
 
 #[cfg(test)]
@@ -99,18 +94,24 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_largest_covered_block_is_taken_and_each_node_its_nearest_slice() {
+    fn each_node_takes_its_nearest_slice_and_what_is_not_covered_is_told() {
         let deg = Angle::from_degrees;
-        // 4 × 3 nodes two degrees apart, each half a degree off, and one slice far away
+        // 4 × 3 nodes two degrees apart, each half a degree off; one of them missing
         let mut slices: Vec<(Angle, Angle)> = (0..12)
             .map(|k| (deg(2.0 * f64::from(k / 3) + 0.3), deg(4.0 + 2.0 * f64::from(k % 3) - 0.4)))
             .collect();
-        slices.push((deg(30.0), deg(30.0)));
-        let g = choose(&slices, deg(2.0), deg(0.6)).expect("covered");
-        assert_eq!(g.half.len(), 4);
-        assert_eq!(g.incidence.iter().map(|a| a.degrees().round()).collect::<Vec<_>>(), [4.0, 6.0, 8.0]);
-        assert_eq!(g.picks, (0..12).collect::<Vec<_>>());
-        assert!((g.largest.degrees() - 0.5).abs() < 1e-9 && (g.rms.degrees() - 0.5).abs() < 1e-9);
+        let whole = choose(&slices, deg(2.0), deg(0.6), deg(90.0)).expect("covered");
+        assert_eq!((whole.half.len(), whole.incidence.len()), (4, 3));
+        assert_eq!(whole.incidence.iter().map(|a| a.degrees().round()).collect::<Vec<_>>(), [4.0, 6.0, 8.0]);
+        assert_eq!(whole.picks, (0..12).collect::<Vec<_>>());
+        assert_eq!((whole.covered, whole.filled), (12, 0));
+        assert!((whole.largest.degrees() - 0.5).abs() < 1e-9 && (whole.rms.degrees() - 0.5).abs() < 1e-9);
+        slices.remove(4);
+        let part = choose(&slices, deg(2.0), deg(0.6), deg(90.0)).expect("covered");
+        assert_eq!((part.covered, part.filled), (11, 1));
+        // beyond the steepest direction nothing is asked for
+        let steep = choose(&slices, deg(2.0), deg(0.6), deg(9.0)).expect("covered");
+        assert_eq!((steep.covered + steep.filled, steep.picks.len()), (6, 12));
     }
 
     #[test]
@@ -119,8 +120,8 @@ mod tests {
         for slices in
             [vec![], vec![(deg(2.0), deg(2.0)); 5], vec![(deg(0.0), deg(0.0)), (deg(2.0), deg(0.0))]]
         {
-            assert!(choose(&slices, deg(2.0), deg(0.5)).is_err());
+            assert!(choose(&slices, deg(2.0), deg(0.5), deg(41.0)).is_err());
         }
-        assert!(choose(&[(deg(1.0), deg(1.0))], deg(f64::NAN), deg(1.0)).is_err());
+        assert!(choose(&[(deg(1.0), deg(1.0))], deg(f64::NAN), deg(1.0), deg(41.0)).is_err());
     }
 }

@@ -7,6 +7,7 @@ use gonio_fitter::{CoatChoice, Weights};
 use gonio_paint::btf_folder::read_btf_folder;
 use gonio_paint::car_paint::{FlakeSlices, Flakes, Through, write_paint};
 use gonio_paint::fit::{PaintOptions, Subject, fit_paint};
+use gonio_paint::flake_floor::above_floor;
 use gonio_paint::{CarPaint, CarPaintParts};
 use serde_json::{Map, Value, json};
 
@@ -14,6 +15,9 @@ use crate::arguments::FitArguments;
 use crate::outcome::{Failure, Outcome};
 use crate::output::{self, Printer, shown};
 use crate::{effect, fitting, opening};
+
+/// Share of a slice's texels that lie below what counts as a flake.
+const FLOOR: f64 = 0.05;
 
 /// `gonio fit M --model car-paint`: lobes on brightness, χ over half angle and incidence, flakes where a folder of them is given.
 ///
@@ -125,7 +129,9 @@ fn flakes(folder: &Path, coat: CoatChoice, notes: &mut Map<String, Value>) -> Re
         )));
     }
     notes.insert("flakes".to_owned(), json!(folder.file_name().unwrap_or_default().to_string_lossy()));
-    let slices = FlakeSlices::new(std::sync::Arc::new(read.btf), read.texel_mm).map_err(Failure::usage)?;
+    // what lies between the flakes is the base, which is fitted
+    let (btf, _) = above_floor(&read.btf, FLOOR).map_err(Failure::usage)?;
+    let slices = FlakeSlices::new(std::sync::Arc::new(btf), read.texel_mm).map_err(Failure::usage)?;
     Ok(Flakes::Slices(slices))
 }
 

@@ -6,6 +6,8 @@ const SILVER: &str = "format = \"gonio-flake-paint\"\nversion = 1\nname = \"silv
     tile_mm = 4.0\ntexel_mm = 0.02\n[[flakes]]\ndensity_per_mm2 = 500.0\nsize_mm = 0.03\nspread_deg = 8.0\ndepth_mm = [0.002, 0.03]\nreflectance = [0.85, 0.86, 0.88]\n";
 const COPPER: &str = "format = \"gonio-flake-paint\"\nversion = 1\nname = \"copper\"\nseed = 12\ncoat_index = 1.5\ndiffuse = [0.09, 0.03, 0.02]\n\
     tile_mm = 4.0\ntexel_mm = 0.02\n[[flakes]]\ndensity_per_mm2 = 200.0\nsize_mm = 0.04\nspread_deg = 12.0\ndepth_mm = [0.002, 0.03]\nreflectance = [0.9, 0.5, 0.3]\n";
+const SCENE: &str = "format = \"gonio-scene\"\nversion = 1\nname = \"ball\"\nsize = [32, 32]\nsamples = 2\nobject = { shape = \"sphere\" }\n\
+    camera = { from = [0, 0, 4], field_of_view_deg = 32 }\n[[light]]\nkind = \"directional\"\ntowards = [0.5, 0.5, 1.0]\nirradiance = [1, 1, 1]\n";
 const PUBLISHED: &str = "# made up\nname,kd_r,kd_g,kd_b,ks1_r,ks1_g,ks1_b,ks2_r,ks2_g,ks2_b,ks3_r,ks3_g,ks3_b,R1,R2,R3,M1,M2,M3\n\
     night,0.01,0.02,0.1,0.004,0.005,0.006,0.02,0.02,0.03,0.005,0.006,0.007,0.9,0.2,0.2,0.3,0.15,0.05\n\
     rust,0.12,0.04,0.02,0.004,0.004,0.004,0.03,0.02,0.01,0.006,0.005,0.004,0.9,0.2,0.2,0.35,0.15,0.06\n";
@@ -55,7 +57,7 @@ fn recorded_flakes_are_mixed_shown_and_told_of() {
     assert!((low..=high).contains(&lightness(1)), "{strip}");
     assert!(bench.read("strip.png").starts_with(b"\x89PNG"));
     // the mixture is rendered with its flakes like any paint
-    bench.write("scene.toml", "format = \"gonio-scene\"\nversion = 1\nname = \"ball\"\n[object]\nshape = \"sphere\"\n[camera]\nfrom = [0, 0, 4]\nlook_at = [0, 0, 0]\nfov_deg = 32\n[[light]]\nkind = \"directional\"\ndirection = [0.5, 0.5, 1.0]\n[picture]\nsize = [32, 32]\nsamples = 2\n");
+    bench.write("scene.toml", SCENE);
     let render = |mm: &str, output: &str| {
         bench.ok(&["render", "half.paint", "--scene", "scene.toml", "--mm-per-unit", mm, "-o", output]);
         bench.read(output)

@@ -120,6 +120,9 @@ pub struct SweepArguments {
     /// Millimetres of the surface in a unit of the scene: how large flakes are in the picture
     #[arg(long, default_value_t = 10.0)]
     pub mm_per_unit: f64,
+    /// Show the two paints themselves with the textures they have; by default their flakes are drawn from statistics as those of the mixtures are
+    #[arg(long)]
+    pub textures: bool,
     /// The strip to write, .png
     #[arg(short, long)]
     pub output: PathBuf,

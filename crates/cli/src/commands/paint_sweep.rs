@@ -58,7 +58,9 @@ pub fn run(a: &SweepArguments, printer: Printer) -> Result<Outcome, Failure> {
     let bar = progress::bar("rendering", weights.len() as u64);
     let (mut images, mut told) = (Vec::new(), Vec::new());
     for &w in &weights {
-        let mixed = m.mix(&[1.0 - w, w], part).map_err(Failure::usage)?;
+        let pair = [1.0 - w, w];
+        let mixed =
+            if a.textures { m.mix(&pair, part) } else { m.drawn(&pair, part) }.map_err(Failure::usage)?;
         let image = picture(&scene, &mixed.paint, a.mm_per_unit)?;
         let mean = mean(&image);
         let lab = lab_from_rgb(mean.map(|v| v / scene.white()));
@@ -82,7 +84,7 @@ pub fn run(a: &SweepArguments, printer: Printer) -> Result<Outcome, Failure> {
             a.output.display()
         ),
         &json!({
-            "inputs": a.paints.inputs, "part": part.name(), "scene": scene.name, "pictures": told,
+            "inputs": a.paints.inputs, "part": part.name(), "textures": a.textures, "scene": scene.name, "pictures": told,
             "mixable": cost(&m, seconds), "output": shown(&a.output),
         }),
     );

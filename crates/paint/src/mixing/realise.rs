@@ -97,6 +97,22 @@ impl Mixable {
     /// # Errors
     /// [`MixError`] for another number of weights than paints, weights that are no numbers.
     pub fn mix(&self, weights: &[f64], part: Part) -> Result<Mixed, MixError> {
+        let notes = self.check(weights)?;
+        let others = weights.iter().filter(|w| **w != 0.0).count();
+        let whole = weights.iter().position(|w| *w == 1.0).filter(|_| others == 1);
+        // all parts of the first paint are the first paint, but for sparkle made grey
+        let whole = match part {
+            Part::Everything => whole,
+            Part::GreySparkle => None,
+            Part::Lightness | Part::Hue | Part::Base => whole.filter(|k| *k == 0),
+        };
+        match whole {
+            Some(k) => Ok(Mixed { paint: Arc::clone(&self.paints[k]), notes }),
+            None => self.drawn(weights, part),
+        }
+    }
+
+    fn check(&self, weights: &[f64]) -> Result<Vec<String>, MixError> {
         let n = self.paints.len();
         if weights.len() != n || n > 16 {
             return Err(MixError::WeightCount { found: weights.len(), paints: n });
@@ -114,19 +130,15 @@ impl Mixable {
         if weights.iter().any(|w| *w < 0.0 || *w > 1.0) {
             notes.push("weights outside of 0 … 1: extrapolated".to_owned());
         }
-        let whole = weights
-            .iter()
-            .position(|w| *w == 1.0)
-            .filter(|_| weights.iter().filter(|w| **w != 0.0).count() == 1);
-        // all parts of the first paint are the first paint, but for sparkle made grey
-        let whole = match part {
-            Part::Everything => whole,
-            Part::GreySparkle => None,
-            Part::Lightness | Part::Hue | Part::Base => whole.filter(|k| *k == 0),
-        };
-        if let Some(k) = whole {
-            return Ok(Mixed { paint: Arc::clone(&self.paints[k]), notes });
-        }
+        Ok(notes)
+    }
+
+    /// The mixture with its flakes drawn from statistics, at whole weights too: all pictures of a row then look alike.
+    ///
+    /// # Errors
+    /// As [`Mixable::mix`].
+    pub fn drawn(&self, weights: &[f64], part: Part) -> Result<Mixed, MixError> {
+        let mut notes = self.check(weights)?;
         let mut numbers = Realisation::default();
         self.realise(weights, part, &mut numbers);
         let parts = self.analytic.parts(&numbers.coefficients, &numbers.chi, &mut notes)?;

@@ -6,13 +6,22 @@
 
 use super::start::Cell;
 
+/// One node, its numbers side by side: a walk up the tree touches one place each.
+#[derive(Clone, Copy, Debug)]
+struct Node {
+    parent: u32,
+    /// Nodes of its subtree, itself among them.
+    size: u32,
+    /// Place in the order.
+    place: u32,
+    /// Of the arc to its parent.
+    flow: i64,
+}
+
 #[derive(Debug, Default)]
 pub(super) struct Basis {
     pub sources: usize,
-    pub parent: Vec<u32>,
-    pub flow: Vec<i64>,
-    size: Vec<u32>,
-    place: Vec<u32>,
+    nodes: Vec<Node>,
     order: Vec<u32>,
     run: Vec<u32>,
     // adjacency of the first tree
@@ -61,30 +70,28 @@ impl Basis {
                 self.links[self.first[x] as usize] = (y as u32, c.flow);
             }
         }
-        for (array, value) in [(&mut self.parent, NONE), (&mut self.size, 1), (&mut self.place, 0)] {
-            array.clear();
-            array.resize(n, value);
-        }
-        self.flow.clear();
-        self.flow.resize(n, 0);
+        self.nodes.clear();
+        self.nodes.resize(n, Node { parent: NONE, size: 1, place: 0, flow: 0 });
         self.order.clear();
         self.stack.clear();
         self.stack.push(root as u32);
         while let Some(x) = self.stack.pop() {
-            self.place[x as usize] = self.order.len() as u32;
+            let at = x as usize;
+            self.nodes[at].place = self.order.len() as u32;
             self.order.push(x);
-            let links = self.first[x as usize] as usize..self.first[x as usize + 1] as usize;
-            for &(y, flow) in &self.links[links] {
-                if y != self.parent[x as usize] {
-                    self.parent[y as usize] = x;
-                    self.flow[y as usize] = flow;
+            let parent = self.nodes[at].parent;
+            for &(y, flow) in &self.links[self.first[at] as usize..self.first[at + 1] as usize] {
+                if y != parent {
+                    let node = &mut self.nodes[y as usize];
+                    node.parent = x;
+                    node.flow = flow;
                     self.stack.push(y);
                 }
             }
         }
         for &x in self.order[1..].iter().rev() {
-            let up = self.parent[x as usize] as usize;
-            self.size[up] += self.size[x as usize];
+            let Node { parent, size, .. } = self.nodes[x as usize];
+            self.nodes[parent as usize].size += size;
         }
     }
 
@@ -95,106 +102,103 @@ impl Basis {
 
     /// Parent of a node that is not the root.
     pub fn parent(&self, x: usize) -> Option<usize> {
-        (self.parent[x] != NONE).then(|| self.parent[x] as usize)
+        let parent = self.nodes[x].parent;
+        (parent != NONE).then_some(parent as usize)
+    }
+
+    /// Flow between a node and its parent.
+    pub fn flow(&self, x: usize) -> i64 {
+        self.nodes[x].flow
     }
 
     /// Where the paths of the two ends meet, and the arc that gives out first on the way round.
     fn leaving(&self, i: usize, j: usize) -> (usize, Leaving) {
-        let (size, flow, parent) = (&self.size[..], &self.flow[..], &self.parent[..]);
+        let (nodes, sources) = (&self.nodes[..], self.sources);
         let mut best = Leaving { child: i, on_source_side: true, flow: i64::MAX };
         let (mut x, mut y) = (i, j);
+        let (mut p, mut q) = (nodes[x], nodes[y]);
         while x != y {
             // the smaller subtree cannot hold the other node
-            if size[x] < size[y] {
-                if x < self.sources && flow[x] < best.flow {
-                    best = Leaving { child: x, on_source_side: true, flow: flow[x] };
+            if p.size < q.size {
+                if x < sources && p.flow < best.flow {
+                    best = Leaving { child: x, on_source_side: true, flow: p.flow };
                 }
-                x = parent[x] as usize;
+                x = p.parent as usize;
+                p = nodes[x];
             } else {
-                if y >= self.sources && flow[y] < best.flow {
-                    best = Leaving { child: y, on_source_side: false, flow: flow[y] };
+                if y >= sources && q.flow < best.flow {
+                    best = Leaving { child: y, on_source_side: false, flow: q.flow };
                 }
-                y = parent[y] as usize;
+                y = q.parent as usize;
+                q = nodes[y];
             }
         }
         (x, best)
     }
 
-    /// Takes the arc from source `i` to target node `j` into the tree. The moved nodes' potentials are to be shifted by what comes
-    /// back, through [`Basis::shift`].
+    /// Takes the arc from source `i` to target node `j`, of this reduced cost, into the tree and shifts the potentials.
     pub fn pivot(&mut self, i: usize, j: usize, reduced: f64, potentials: &mut [f64]) {
         let (join, leaving) = self.leaving(i, j);
         let step = leaving.flow;
-        let (flow, parent) = (&mut self.flow[..], &self.parent[..]);
-        let mut x = i;
-        while x != join {
-            flow[x] += if x < self.sources { -step } else { step };
-            x = parent[x] as usize;
-        }
-        let mut y = j;
-        while y != join {
-            flow[y] += if y < self.sources { step } else { -step };
-            y = parent[y] as usize;
+        let (nodes, sources) = (&mut self.nodes[..], self.sources);
+        for (end, sign) in [(i, -step), (j, step)] {
+            let mut x = end;
+            while x != join {
+                let node = &mut nodes[x];
+                node.flow += if x < sources { sign } else { -sign };
+                x = node.parent as usize;
+            }
         }
         let (moved, onto) = if leaving.on_source_side { (i, j) } else { (j, i) };
         let by = if leaving.on_source_side { reduced } else { -reduced };
-        let (start, length) = (self.place[leaving.child] as usize, self.size[leaving.child] as usize);
+        let (start, length) =
+            (self.nodes[leaving.child].place as usize, self.nodes[leaving.child].size as usize);
         Shift { by }.apply(&self.order, start, length, potentials);
         self.hang(leaving.child, moved, onto, join, step);
     }
 
     /// Cuts the subtree of `cut` off, makes `root` its root and hangs it below `onto`.
     fn hang(&mut self, cut: usize, root: usize, onto: usize, join: usize, step: i64) {
-        let (order, place, size, parent, flow) = (
-            &mut self.order[..],
-            &mut self.place[..],
-            &mut self.size[..],
-            &mut self.parent[..],
-            &mut self.flow[..],
-        );
-        let start = place[cut] as usize;
-        let count = size[cut];
-        let length = count as usize;
+        let (order, nodes, run) = (&mut self.order[..], &mut self.nodes[..], &mut self.run);
+        let Node { place: start, size: count, parent: above, .. } = nodes[cut];
+        let (start, length) = (start as usize, count as usize);
         // ancestors of both sides below the join
-        let mut x = parent[cut] as usize;
+        let mut x = above as usize;
         while x != join {
-            size[x] -= count;
-            x = parent[x] as usize;
+            nodes[x].size -= count;
+            x = nodes[x].parent as usize;
         }
-        let end_of_onto = place[onto] as usize + size[onto] as usize;
+        let end_of_onto = (nodes[onto].place + nodes[onto].size) as usize;
         let mut x = onto;
         while x != join {
-            size[x] += count;
-            x = parent[x] as usize;
+            nodes[x].size += count;
+            x = nodes[x].parent as usize;
         }
         // preorder, parents, sizes and flows of the subtree seen from its new root
-        let run = &mut self.run;
         run.clear();
-        let (mut node, mut new_parent, mut new_flow) = (root, onto as u32, step);
+        let (mut at, mut new_parent, mut new_flow) = (root, onto as u32, step);
         let (mut below_start, mut below_end) = (0, 0);
         loop {
-            let at = place[node] as usize;
-            let end = at + size[node] as usize;
+            let old = nodes[at];
+            let (first, end) = (old.place as usize, (old.place + old.size) as usize);
             if below_end == 0 {
-                run.extend_from_slice(&order[at..end]);
+                run.extend_from_slice(&order[first..end]);
             } else {
-                run.extend_from_slice(&order[at..below_start]);
+                run.extend_from_slice(&order[first..below_start]);
                 run.extend_from_slice(&order[below_end..end]);
             }
-            let (old_parent, old_flow) = (parent[node], flow[node]);
-            parent[node] = new_parent;
-            flow[node] = new_flow;
-            size[node] = count - (below_end - below_start) as u32;
-            if node == cut {
+            let size = count - (below_end - below_start) as u32;
+            nodes[at] = Node { parent: new_parent, size, flow: new_flow, place: old.place };
+            if at == cut {
                 break;
             }
-            (below_start, below_end) = (at, end);
-            new_parent = node as u32;
-            new_flow = old_flow;
-            node = old_parent as usize;
+            (below_start, below_end) = (first, end);
+            new_parent = at as u32;
+            new_flow = old.flow;
+            at = old.parent as usize;
         }
         // move the run to behind its new parent, or to the end of that one's subtree, whichever is nearer
-        let behind_onto = place[onto] as usize + 1;
+        let behind_onto = nodes[onto].place as usize + 1;
         let (to, changed) = if start >= behind_onto {
             let to = if end_of_onto <= start { end_of_onto } else { behind_onto };
             order.copy_within(to..start, to + length);
@@ -206,7 +210,7 @@ impl Basis {
         order[to..to + length].copy_from_slice(run);
         let first = changed.start;
         for (k, &x) in order[changed].iter().enumerate() {
-            place[x as usize] = (first + k) as u32;
+            nodes[x as usize].place = (first + k) as u32;
         }
     }
 }

@@ -145,7 +145,7 @@ impl Solver {
         for &x in self.basis.order() {
             let x = x as usize;
             let Some(up) = self.basis.parent(x) else { continue };
-            let whole = (self.basis.flow[x] + half) >> room;
+            let whole = (self.basis.flow(x) + half) >> room;
             if whole > 0 {
                 let (i, j) = if x < ns { (x, up - ns) } else { (up, x - ns) };
                 let mass = whole as f64 * unit;

@@ -40,8 +40,8 @@ impl RandomTexture {
                     order.swap(k, ((u64::from(state) * (k as u64 + 1)) >> 32) as usize);
                 }
                 for (k, rank) in order.iter().enumerate() {
-                    numbers[corner + k / block * side + k % block][channel] =
-                        ((f64::from(*rank) + 0.5) / n as f64) as f32;
+                    let texel = &mut numbers[corner + k / block * side + k % block];
+                    texel[channel] = ((f64::from(*rank) + 0.5) / n as f64) as f32;
                 }
             }
         }

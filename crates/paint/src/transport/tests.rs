@@ -138,8 +138,8 @@ fn by_library(problem: &Problem<'_>) -> (f64, f64) {
     let variables: Vec<Vec<_>> = (0..ns)
         .map(|i| (0..nt).map(|j| lp.add_var(problem.costs.one(i, j, nt), (0.0, f64::INFINITY))).collect())
         .collect();
-    for i in 0..ns {
-        lp.add_constraint(variables[i].iter().map(|v| (*v, 1.0)), ComparisonOp::Eq, problem.supply[i]);
+    for (row, mass) in variables.iter().zip(problem.supply) {
+        lp.add_constraint(row.iter().map(|v| (*v, 1.0)), ComparisonOp::Eq, *mass);
     }
     // the last one follows from the others; rounding of the totals must not make it impossible
     for j in 0..nt - 1 {

@@ -15,7 +15,7 @@ use crate::outcome::Failure;
 /// # Errors
 /// [`Failure::Usage`] for a file that cannot be read.
 pub fn open(input: &str) -> Result<Loaded, Failure> {
-    let Some((paint, _)) = paint(input)? else {
+    let Some(Stored { paint, .. }) = paint(input)? else {
         return formats::open(Path::new(input)).map_err(Failure::usage);
     };
     let name = paint.parts().name.clone();
@@ -28,11 +28,19 @@ pub fn open(input: &str) -> Result<Loaded, Failure> {
     Ok(Loaded::Function(Function { brdf: Box::new(paint), format, name, notes, flake_map: None }))
 }
 
+/// A car paint and what its file says of it.
+pub struct Stored {
+    /// The paint.
+    pub paint: CarPaint,
+    /// Where it comes from, what a fit said.
+    pub notes: Map<String, Value>,
+}
+
 /// A car paint with the notes in its file; `None` of anything else.
 ///
 /// # Errors
 /// [`Failure::Usage`] for a car paint that cannot be read, or a name that is not in a table of them.
-pub fn paint(input: &str) -> Result<Option<(CarPaint, Map<String, Value>)>, Failure> {
+pub fn paint(input: &str) -> Result<Option<Stored>, Failure> {
     let (file, name) = match input.rsplit_once('#') {
         Some((file, name)) if !Path::new(input).exists() => (file, name),
         _ => (input, ""),
@@ -46,11 +54,13 @@ pub fn paint(input: &str) -> Result<Option<(CarPaint, Map<String, Value>)>, Fail
             )));
         }
         let bytes = formats::read_file(Path::new(file)).map_err(Failure::usage)?;
-        return read_paint(&bytes).map(Some).map_err(in_file);
+        return read_paint(&bytes).map(|(paint, notes)| Some(Stored { paint, notes })).map_err(in_file);
     }
     if is_guenther(&String::from_utf8_lossy(&begins)) {
         let text = crate::output::read_text(Path::new(file))?;
-        return read_guenther(&text, name).map(|p| Some((p, Map::new()))).map_err(in_file);
+        return read_guenther(&text, name)
+            .map(|paint| Some(Stored { paint, notes: Map::new() }))
+            .map_err(in_file);
     }
     Ok(None)
 }

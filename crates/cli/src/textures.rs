@@ -169,12 +169,12 @@ pub fn reduce(
         bar.inc(1);
     }
     bar.finish_and_clear();
-    write(&instrument, slices, index, lost, folder, force)
+    write(&instrument, &slices, index, lost, folder, force)
 }
 
 fn write(
     instrument: &gonio_instrument::Description,
-    slices: Vec<TextureSlice>,
+    slices: &[TextureSlice],
     index: Option<f64>,
     lost: Vec<String>,
     folder: &Path,

@@ -59,12 +59,14 @@ impl TextureWhiteBuilder {
         let (w, picture) = (camera.size[0] as usize, (camera.size[0] * camera.size[1]) as usize);
         for head in heads(d, camera, record.readback) {
             let f = self.brdf.eval(head.light, head.view);
-            for p in head.number * picture..(head.number + 1) * picture {
-                let rate = f64::from(merged.pixels[p].rate);
-                if wanted[p] && rate.is_finite() {
+            let part = head.number * picture..(head.number + 1) * picture;
+            let pixels = merged.pixels[part.clone()].iter().zip(&wanted[part.clone()]);
+            for ((p, (pixel, wanted)), sum) in pixels.enumerate().zip(&mut self.sums[part]) {
+                let rate = f64::from(pixel.rate);
+                if *wanted && rate.is_finite() {
                     let channel = d.camera.pattern.channel((p % w) as u32, (p / w) as u32) as usize;
-                    self.sums[p][0] += rate;
-                    self.sums[p][1] += f[channel] * head.light.z;
+                    sum[0] += rate;
+                    sum[1] += f[channel] * head.light.z;
                 }
             }
         }

@@ -12,6 +12,7 @@ use gonio_paint::{CarPaint, CarPaintParts};
 use serde_json::{Map, Value, json};
 
 use crate::arguments::FitArguments;
+use crate::opening::Stored;
 use crate::outcome::{Failure, Outcome};
 use crate::output::{self, Printer, shown};
 use crate::{effect, fitting, opening};
@@ -140,9 +141,9 @@ fn flakes(folder: &Path, coat: CoatChoice, notes: &mut Map<String, Value>) -> Re
 /// # Errors
 /// [`Failure::Usage`] for anything that is no paint.
 pub fn convert(input: &str, output: &Path, printer: Printer) -> Result<Outcome, Failure> {
-    let (paint, mut notes) = match opening::paint(input)? {
+    let Stored { paint, mut notes } = match opening::paint(input)? {
         Some(found) => found,
-        None => (of_model(input)?, Map::new()),
+        None => Stored { paint: of_model(input)?, notes: Map::new() },
     };
     notes.entry("source").or_insert_with(|| json!(effect::title(input)));
     save(output, &paint, &notes)?;

@@ -23,8 +23,8 @@ pub fn run(file: &str, printer: Printer) -> Result<Outcome, Failure> {
     let told = if beginning.starts_with(MCAP) {
         let info = gonio_recording::info(path).map_err(Failure::usage)?;
         serde_json::to_value(info)
-    } else if let Some((paint, notes)) = crate::opening::paint(file)? {
-        Ok(super::car_paint::describe(&paint, &notes))
+    } else if let Some(stored) = crate::opening::paint(file)? {
+        Ok(super::car_paint::describe(&stored.paint, &stored.notes))
     } else if path.extension().is_some_and(|e| e == "toml") {
         toml_file(path)?
     } else {

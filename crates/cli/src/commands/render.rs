@@ -60,7 +60,7 @@ pub fn run(a: &RenderArguments, printer: Printer) -> Result<Outcome, Failure> {
             a.mm_per_unit
         )));
     }
-    let car_paint = crate::opening::paint(&a.input)?.map(|p| p.0);
+    let car_paint = crate::opening::paint(&a.input)?.map(|p| p.paint);
     let material = effect::material(&a.input)?;
     let built = a.representation.as_deref().map(|name| build(a, &material, name)).transpose()?;
     let brdf: &dyn Brdf = match &built {

@@ -38,7 +38,7 @@ fn recorded_flakes_are_mixed_shown_and_told_of() {
     let beyond = mix("1.25,-0.25", "beyond.paint");
     assert!(beyond["notes"][0].as_str().expect("a note").contains("extrapolated"), "{beyond}");
     let again = bench.ok(&["paint", "info", "half.paint", "--json"]).json();
-    assert_eq!(again["paint"]["notes"], serde_json::json!({}));
+    assert_eq!(again["paint"]["notes"]["mixed"]["weights"], serde_json::json!([0.5, 0.5]));
     let words = [
         "paint",
         "sweep",

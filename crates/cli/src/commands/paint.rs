@@ -14,9 +14,10 @@ use serde_json::{Map, Value, json};
 
 use crate::arguments::paint::{MixArguments, PaintCommand, Paints};
 use crate::commands::{car_paint, paint_design, paint_sweep};
+use crate::effect;
+use crate::opening::{self, Stored};
 use crate::outcome::{Failure, Outcome};
 use crate::output::{self, Printer, shown};
-use crate::{effect, opening};
 
 /// Does what was asked for.
 ///
@@ -35,7 +36,7 @@ pub fn run(command: &PaintCommand, printer: Printer) -> Result<Outcome, Failure>
 ///
 /// # Errors
 /// [`Failure::Usage`] for anything else.
-pub(super) fn open(input: &str) -> Result<CarPaint, Failure> {
+pub(super) fn open(input: &str) -> Result<Stored, Failure> {
     let path = Path::new(input);
     if path.is_dir() || path.file_name().is_some_and(|n| n == INDEX_NAME) {
         let read = read_btf_folder(path).map_err(Failure::usage)?;
@@ -43,17 +44,18 @@ pub(super) fn open(input: &str) -> Result<CarPaint, Failure> {
             eprintln!("note: {note}");
         }
         let flakes = FlakeSlices::new(Arc::new(read.btf), read.texel_mm).map_err(Failure::usage)?;
-        return CarPaint::new(CarPaintParts {
+        let paint = CarPaint::new(CarPaintParts {
             name: effect::title(input),
             coat: read.coat_index.map(|index| Coat { index }),
             through: read.through,
             flakes: Some(Flakes::Slices(flakes)),
             ..CarPaintParts::default()
         })
-        .map_err(Failure::usage);
+        .map_err(Failure::usage)?;
+        return Ok(Stored { paint, notes: Map::new() });
     }
     match opening::paint(input)? {
-        Some((paint, _)) => Ok(paint),
+        Some(stored) => Ok(stored),
         None => Err(Failure::usage(format!(
             "{input} is no car paint: give a .paint file, a row of a published table (FILE#NAME) or a folder of flake slices; of a measured BRDF make one: gonio fit {input} --model car-paint -o OUT.paint"
         ))),
@@ -66,8 +68,12 @@ pub(super) fn open(input: &str) -> Result<CarPaint, Failure> {
 /// [`Failure::Usage`] for paints that cannot be read or do not mix.
 pub(super) fn mixable(paints: &Paints, count: usize) -> Result<(Mixable, [f64; 2]), Failure> {
     let begun = Instant::now();
-    let opened =
-        paints.inputs.iter().take(count).map(|i| open(i).map(Arc::new)).collect::<Result<Vec<_>, _>>()?;
+    let opened = paints
+        .inputs
+        .iter()
+        .take(count)
+        .map(|i| open(i).map(|s| Arc::new(s.paint)))
+        .collect::<Result<Vec<_>, _>>()?;
     let read = begun.elapsed().as_secs_f64();
     let options = StatisticsOptions { clusters: paints.clusters, ..StatisticsOptions::default() };
     let mixable = Mixable::new(&opened, &options).map_err(Failure::usage)?;
@@ -149,7 +155,7 @@ fn mix(a: &MixArguments, printer: Printer) -> Result<Outcome, Failure> {
 }
 
 fn info(input: &str, printer: Printer) -> Result<Outcome, Failure> {
-    let paint = open(input)?;
+    let Stored { paint, notes } = open(input)?;
     let mut text = format!("{}\n{}", paint.parts().name, car_paint::lines(&paint));
     let told = match &paint.parts().flakes {
         None => Value::Null,
@@ -198,7 +204,7 @@ fn info(input: &str, printer: Printer) -> Result<Outcome, Failure> {
     };
     printer.result(
         &text,
-        &json!({ "input": input, "paint": car_paint::describe(&paint, &Map::new()), "statistics": told }),
+        &json!({ "input": input, "paint": car_paint::describe(&paint, &notes), "statistics": told }),
     );
     Ok(Outcome::Done)
 }

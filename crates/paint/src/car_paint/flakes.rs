@@ -84,7 +84,7 @@ impl Flakes {
         }
     }
 
-    /// At a place of the surface, mm; the textures repeat. 1/sr.
+    /// At a place of the surface, mm; the textures cover it tile by tile. 1/sr.
     #[must_use]
     pub fn at(&self, place: FlakePlace, position_mm: [f64; 2]) -> Rgb {
         match self {
@@ -176,21 +176,42 @@ impl FlakeSlices {
         bilinear(&self.half, &self.incidence, place, |k| self.means[k])
     }
 
-    /// The texel under a position, bilinear between slices; the texture repeats over the surface.
+    /// The texel under a position, bilinear between slices. Tiles of the texture are laid side by side, each shifted and mirrored by chance, so that the eye
+    /// finds no pattern; the one at the origin lies as it is. All slices are laid alike: a flake stays where it is.
     #[must_use]
     pub fn at(&self, place: FlakePlace, position_mm: [f64; 2]) -> Rgb {
         let [w, h] = self.btf.size();
+        // tile and texel in it; a position that is not a number falls on the first texel
         let cell = |p: f64, n: usize| {
-            let k = (p / self.texel_mm).floor().rem_euclid(n as f64);
-            // a position that is not a number falls on the first texel
-            (k as usize).min(n - 1)
+            let k = (p / self.texel_mm).floor();
+            let (tile, texel) = ((k / n as f64).floor(), k.rem_euclid(n as f64));
+            (tile as i64, (texel as usize).min(n - 1))
         };
-        let texel = cell(position_mm[1], h) * w + cell(position_mm[0], w);
+        let ((tile_x, x), (tile_y, y)) = (cell(position_mm[0], w), cell(position_mm[1], h));
+        let chance = scattered(tile_x, tile_y);
+        let laid = |x: usize, n: usize, shift: u64, mirrored: bool| {
+            let x = (x + shift as usize % n) % n;
+            if mirrored { n - 1 - x } else { x }
+        };
+        let column = laid(x, w, chance & 0xffff, chance >> 32 & 1 == 1);
+        let texel = laid(y, h, chance >> 16 & 0xffff, chance >> 33 & 1 == 1) * w + column;
         let n = self.incidence.len();
         bilinear(&self.half, &self.incidence, place, |k| {
             self.btf.slice(k / n, k % n).map_or([0.0; 3], |s| s[texel].map(f64::from))
         })
     }
+}
+
+/// A number by chance for each tile (splitmix64), 0 for the one at the origin.
+fn scattered(x: i64, y: i64) -> u64 {
+    if x == 0 && y == 0 {
+        return 0;
+    }
+    let mut z =
+        (x as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ (y as u64).wrapping_mul(0xc2b2_ae3d_27d4_eb4f);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
 }
 
 #[cfg(test)]
@@ -199,20 +220,29 @@ mod tests {
     use gonio_optics::Angle;
 
     #[test]
-    fn textures_repeat_and_their_mean_is_that_of_their_texels() {
-        let texels = vec![[1.0, 0.0, 0.0], [3.0, 0.0, 0.0], [0.0; 3], [0.0, 8.0, 0.0]];
-        let btf =
-            FlakeBtf::new(vec![Angle::from_degrees(0.0)], vec![Angle::from_degrees(0.0)], [2, 2], texels)
-                .expect("sound");
+    fn every_tile_holds_each_texel_once_and_the_first_lies_as_it_is() {
+        let texels: Vec<[f32; 3]> = (0..12).map(|k| [k as f32, 0.0, 12.0]).collect();
+        let axis = || vec![Angle::from_degrees(0.0)];
+        let btf = FlakeBtf::new(axis(), axis(), [4, 3], texels).expect("sound");
         let s = FlakeSlices::new(Arc::new(btf), 0.1).expect("sound");
         let p = FlakePlace::default();
-        assert_eq!(s.mean(p), [1.0, 2.0, 0.0]);
-        for (at, expected) in
-            [([0.05, 0.05], 1.0), ([0.15, 0.05], 3.0), ([-0.05, 0.01], 3.0), ([0.25, 0.41], 1.0)]
-        {
-            assert_eq!(s.at(p, at)[0], expected, "{at:?}");
+        assert_eq!(s.mean(p), [5.5, 0.0, 12.0]);
+        let tile = |x0: f64, y0: f64| -> Vec<f64> {
+            let at = |k: u32| [x0 + 0.1 * f64::from(k % 4) + 0.05, y0 + 0.1 * f64::from(k / 4) + 0.05];
+            (0..12).map(|k| s.at(p, at(k))[0]).collect()
+        };
+        let straight: Vec<f64> = (0..12).map(f64::from).collect();
+        assert_eq!(tile(0.0, 0.0), straight);
+        let mut others = 0;
+        for (x, y) in [(1, 0), (0, 1), (-1, 0), (-3, 5), (40, -7)] {
+            let laid = tile(0.4 * f64::from(x), 0.3 * f64::from(y));
+            others += usize::from(laid != straight);
+            let mut sorted = laid;
+            sorted.sort_by(f64::total_cmp);
+            assert_eq!(sorted, straight, "{x} {y}");
         }
-        assert_eq!(s.at(p, [f64::NAN, f64::INFINITY])[0], 1.0);
+        assert!(others >= 4);
+        assert!((0.0..12.0).contains(&s.at(p, [f64::NAN, f64::INFINITY])[0]));
         let message = FlakeSlices::new(Arc::clone(s.btf()), 0.0).expect_err("no side").to_string();
         assert!(message.contains("texel_mm = 0"), "{message}");
     }

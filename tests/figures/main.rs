@@ -15,6 +15,7 @@ mod isolines;
 mod look_up;
 mod maps;
 mod materials;
+mod mixing;
 mod models;
 mod multi_angle;
 mod noise;
@@ -109,6 +110,8 @@ const GROUPS: &[Group] = &[
     ("scene-choice", scene_choice::figures),
     ("scene-plans", scene_plans::figures),
     ("rays", rays::figures),
+    ("mixing", mixing::figures),
+    ("mixing-speed", mixing::speed),
 ];
 
 #[allow(clippy::print_stdout)] // the table is what this program is for

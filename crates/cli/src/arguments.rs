@@ -2,6 +2,7 @@
 
 pub mod calibrate;
 pub mod effect;
+pub mod paint;
 pub mod scene;
 
 use std::path::PathBuf;
@@ -98,6 +99,9 @@ pub enum Command {
         after_help = "Examples:\n  gonio render S.nc --scene product.toml -o picture.png\n  gonio render paint.json --scene car.toml --coat 1.5 --bounces 2 -o car.exr\n  gonio render S.nc --as clip --scene sphere.toml --mark-critical --no-cosine -o clip.png\n  gonio render S.nc --scene product.toml -o p.png --geometries geometries.png"
     )]
     Render(scene::RenderArguments),
+    /// Mix car paints, show what lies between them, find the mixture closest to a target
+    #[command(subcommand)]
+    Paint(paint::PaintCommand),
     /// The poses that a scene needs, as a plan for gonio scan
     #[command(
         after_help = "Examples:\n  gonio plan --scene product.toml -o plan.toml; gonio scan --plan plan.toml -o S.mcap --fit\n  gonio plan --scene product.toml --like earlier.nc --max-delta-e 1 -o plan.toml\n  gonio plan --scene product.toml --after S.nc -o next.toml      the next pose of an adaptive scan"

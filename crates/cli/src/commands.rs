@@ -12,6 +12,9 @@ mod fit_batch;
 pub mod flake;
 pub mod info;
 pub mod isoline;
+pub mod paint;
+mod paint_design;
+mod paint_sweep;
 pub mod plan;
 pub mod render;
 pub mod replay;
@@ -48,6 +51,7 @@ pub fn dispatch(arguments: Arguments) -> Result<Outcome, Failure> {
         Command::Trade(a) => trade::run(&a, printer),
         Command::Tailor(a) => tailor::run(&a, printer),
         Command::Render(a) => render::run(&a, printer),
+        Command::Paint(c) => paint::run(&c, printer),
         Command::Plan(a) => plan::run(&a, printer),
         Command::Isoline(a) => isoline::run(&a, printer),
         Command::Convert { input, output, renderer, force } => {

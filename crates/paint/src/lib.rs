@@ -5,9 +5,13 @@
 
 pub mod btf_folder;
 pub mod car_paint;
+pub mod design;
 pub mod fit;
 pub mod flake_btf;
 pub mod flake_floor;
+pub mod mixing;
+pub mod statistics;
+pub mod transport;
 
 pub use car_paint::{CarPaint, CarPaintError, CarPaintParts};
 pub use flake_btf::{FlakeBtf, FlakeBtfError};

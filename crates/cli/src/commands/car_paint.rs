@@ -177,7 +177,9 @@ fn save(path: &Path, paint: &CarPaint, notes: &Map<String, Value>) -> Result<(),
     output::write_whole(path, &bytes)
 }
 
-fn lines(paint: &CarPaint) -> String {
+/// What a paint holds, for people.
+#[must_use]
+pub fn lines(paint: &CarPaint) -> String {
     let p = paint.parts();
     let three = |c: [f64; 3]| c.map(|v| format!("{v:.4}")).join(" ");
     let mut text = match p.coat {

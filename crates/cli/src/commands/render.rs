@@ -204,7 +204,7 @@ fn coat(asked: &str, material: &Material) -> Result<Option<Coat>, Failure> {
 }
 
 /// A car paint with its flakes.
-struct ByPlace<'a>(&'a gonio_paint::CarPaint);
+pub(super) struct ByPlace<'a>(pub(super) &'a gonio_paint::CarPaint);
 
 impl PlacedBrdf for ByPlace<'_> {
     fn eval_at(&self, light: Vec3, view: Vec3, position_mm: [f64; 2]) -> Rgb {

@@ -9,6 +9,13 @@
 //! flakes_half       f64  half angles of Ξ, radians           flakes_incidence   f64    texels   f32  r g b by half angle, incidence, row, column
 //! flakes_texel_mm   f64  side of a texel
 //! ```
+//!
+//! Flakes of the kind `statistics` have no texels but
+//!
+//! ```text
+//! clusters_of_slice f64  clusters of each slice, by half angle, incidence
+//! clusters          f32  for each cluster smallest L* a* b*, largest L* a* b*, probability in steps of 1/500
+//! ```
 
 use std::sync::Arc;
 
@@ -18,9 +25,11 @@ use serde_json::{Map, Value, json};
 
 use super::container::MAGIC;
 use super::{
-    CarPaint, CarPaintError, CarPaintParts, ColourTable, Container, FlakeSlices, Flakes, Section, Through,
+    CarPaint, CarPaintError, CarPaintParts, ColourTable, Container, FlakeDraws, FlakeSlices, Flakes, Section,
+    Through,
 };
 use crate::FlakeBtf;
+use crate::statistics::{Cluster, FlakeStatistics};
 
 /// Whether some bytes begin as a car-paint file does.
 #[must_use]
@@ -66,7 +75,10 @@ pub fn write_paint(paint: &CarPaint, notes: &Map<String, Value>) -> Result<Vec<u
 }
 
 fn put_flakes(c: &mut Container, flakes: &Flakes) {
-    let Flakes::Slices(s) = flakes;
+    let s = match flakes {
+        Flakes::Slices(s) => s,
+        Flakes::Statistics(s) => return put_statistics(c, s.statistics(), flakes),
+    };
     let btf = s.btf();
     let size = btf.size();
     c.header.insert("flakes".to_owned(), json!({"kind": flakes.name(), "size": size}));
@@ -78,6 +90,37 @@ fn put_flakes(c: &mut Container, flakes: &Flakes) {
         texels.extend_from_slice(slice.as_flattened());
     }
     c.put("texels", Section::F32(texels));
+}
+
+fn put_statistics(c: &mut Container, s: &FlakeStatistics, flakes: &Flakes) {
+    c.header.insert("flakes".to_owned(), json!({"kind": flakes.name()}));
+    c.put("flakes_half", radians(s.half()));
+    c.put("flakes_incidence", radians(s.incidence()));
+    c.put("flakes_texel_mm", Section::F64(vec![flakes.texel_mm()]));
+    let counts = (0..s.slices()).map(|k| s.clusters(k).len() as f64).collect();
+    c.put("clusters_of_slice", Section::F64(counts));
+    let numbers = s.all_clusters().iter().flat_map(|c| {
+        let [l, a, b] = c.low;
+        let [l1, a1, b1] = c.high;
+        [l, a, b, l1, a1, b1, f32::from(c.steps)]
+    });
+    c.put("clusters", Section::F32(numbers.collect()));
+}
+
+fn take_statistics(c: &mut Container, texel_mm: f64) -> Result<Flakes, CarPaintError> {
+    let missing = |name: &str, what: &str| CarPaintError::content(name, "missing", what);
+    let numbers = c.take_f32s("clusters").ok_or_else(|| missing("clusters", "the clusters"))?;
+    let mut all = numbers.as_chunks::<7>().0.iter().map(|&[l, a, b, l1, a1, b1, steps]| Cluster {
+        low: [l, a, b],
+        high: [l1, a1, b1],
+        steps: steps.round() as u16,
+    });
+    let counts =
+        c.f64s("clusters_of_slice").ok_or_else(|| missing("clusters_of_slice", "one number a slice"))?;
+    let slices: Vec<Vec<Cluster>> = counts.iter().map(|n| all.by_ref().take(*n as usize).collect()).collect();
+    let statistics = FlakeStatistics::new(angles(c, "flakes_half")?, angles(c, "flakes_incidence")?, &slices)
+        .map_err(|e| CarPaintError::content("clusters", e, "500 steps in each slice"))?;
+    Ok(Flakes::Statistics(FlakeDraws::new(Arc::new(statistics), texel_mm)?))
 }
 
 /// Reads a paint and the notes beside it.
@@ -134,8 +177,16 @@ pub fn read_paint(bytes: &[u8]) -> Result<(CarPaint, Map<String, Value>), CarPai
 fn take_flakes(c: &mut Container) -> Result<Option<Flakes>, CarPaintError> {
     let Some(flakes) = c.header.get("flakes") else { return Ok(None) };
     let kind = flakes.get("kind").and_then(Value::as_str).unwrap_or_default();
+    if kind == "statistics" {
+        let texel_mm = texel_side(c)?;
+        return take_statistics(c, texel_mm).map(Some);
+    }
     if kind != "slices" {
-        return Err(CarPaintError::content("kind of flakes", kind, "slices (or a newer program)"));
+        return Err(CarPaintError::content(
+            "kind of flakes",
+            kind,
+            "slices or statistics (or a newer program)",
+        ));
     }
     let side = |k: usize| {
         flakes
@@ -147,15 +198,19 @@ fn take_flakes(c: &mut Container) -> Result<Option<Flakes>, CarPaintError> {
     let (Some(w), Some(h)) = (side(0), side(1)) else {
         return Err(CarPaintError::content("size of flakes", "missing", "two numbers of texels"));
     };
-    let texel_mm = match c.f64s("flakes_texel_mm") {
-        Some([mm]) => *mm,
-        _ => return Err(CarPaintError::content("flakes_texel_mm", "missing", "one number")),
-    };
+    let texel_mm = texel_side(c)?;
     let texels =
         c.take_f32s("texels").ok_or_else(|| CarPaintError::content("texels", "missing", "the textures"))?;
     let btf =
         FlakeBtf::new(angles(c, "flakes_half")?, angles(c, "flakes_incidence")?, [w, h], triples(&texels))?;
     Ok(Some(Flakes::Slices(FlakeSlices::new(Arc::new(btf), texel_mm)?)))
+}
+
+fn texel_side(c: &Container) -> Result<f64, CarPaintError> {
+    match c.f64s("flakes_texel_mm") {
+        Some([mm]) => Ok(*mm),
+        _ => Err(CarPaintError::content("flakes_texel_mm", "missing", "one number")),
+    }
 }
 
 fn angles(c: &Container, name: &str) -> Result<Vec<Angle>, CarPaintError> {

@@ -7,6 +7,7 @@ use gonio_optics::flake::FlakeVectors;
 
 use super::{AngleAxis, CarPaintError, colour_table::bilinear};
 use crate::FlakeBtf;
+use crate::statistics::{FlakeStatistics, RandomTexture};
 
 /// Where in the tables two directions inside the coat fall.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -32,6 +33,17 @@ impl FlakePlace {
 pub enum Flakes {
     /// The textures themselves.
     Slices(FlakeSlices),
+    /// Statistics, drawn from a fixed random texture.
+    Statistics(FlakeDraws),
+}
+
+/// Statistics with the size of a texel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FlakeDraws {
+    statistics: Arc<FlakeStatistics>,
+    texel_mm: f64,
+    half: AngleAxis,
+    incidence: AngleAxis,
 }
 
 /// Textures with the size of a texel and their means.
@@ -50,6 +62,7 @@ impl Flakes {
     pub const fn name(&self) -> &'static str {
         match self {
             Self::Slices(_) => "slices",
+            Self::Statistics(_) => "statistics",
         }
     }
 
@@ -58,6 +71,7 @@ impl Flakes {
     pub fn texel_mm(&self) -> f64 {
         match self {
             Self::Slices(s) => s.texel_mm,
+            Self::Statistics(s) => s.texel_mm,
         }
     }
 
@@ -66,6 +80,7 @@ impl Flakes {
     pub fn mean(&self, place: FlakePlace) -> Rgb {
         match self {
             Self::Slices(s) => s.mean(place),
+            Self::Statistics(s) => s.mean(place),
         }
     }
 
@@ -74,7 +89,46 @@ impl Flakes {
     pub fn at(&self, place: FlakePlace, position_mm: [f64; 2]) -> Rgb {
         match self {
             Self::Slices(s) => s.at(place, position_mm),
+            Self::Statistics(s) => s.at(place, position_mm),
         }
+    }
+}
+
+impl FlakeDraws {
+    /// Statistics drawn in texels whose side is `texel_mm` on the surface.
+    ///
+    /// # Errors
+    /// [`CarPaintError`] for a side that is not above 0, angles that make no axis.
+    pub fn new(statistics: Arc<FlakeStatistics>, texel_mm: f64) -> Result<Self, CarPaintError> {
+        if !(texel_mm > 0.0 && texel_mm.is_finite()) {
+            return Err(CarPaintError::value("texel_mm", texel_mm, "a length above 0, in mm"));
+        }
+        let half = AngleAxis::new("flake half", statistics.half().to_vec())?;
+        let incidence = AngleAxis::new("flake incidence", statistics.incidence().to_vec())?;
+        Ok(Self { statistics, texel_mm, half, incidence })
+    }
+
+    /// The statistics.
+    #[must_use]
+    pub fn statistics(&self) -> &Arc<FlakeStatistics> {
+        &self.statistics
+    }
+
+    /// The mean at a place, bilinear between slices.
+    #[must_use]
+    pub fn mean(&self, place: FlakePlace) -> Rgb {
+        bilinear(&self.half, &self.incidence, place, |k| self.statistics.means()[k])
+    }
+
+    /// What the texel under a position shows: each texel changes over from slice to slice at an angle of its own.
+    #[must_use]
+    pub fn at(&self, place: FlakePlace, position_mm: [f64; 2]) -> Rgb {
+        // a position that is not a number falls on texel 0
+        let [x, y] = position_mm.map(|p| (p / self.texel_mm).floor() as i64);
+        let numbers = RandomTexture::shared().at(x, y);
+        let (half, incidence) =
+            (self.half.locate(place.sin_half), self.incidence.locate(place.sin_incidence));
+        self.statistics.draw(self.statistics.chosen(half, incidence, numbers), numbers).1
     }
 }
 

@@ -24,6 +24,6 @@ pub use colour_table::ColourTable;
 pub use container::{Container, ContainerError, Section};
 pub use error::CarPaintError;
 pub use file::{is_paint, read_paint, write_paint};
-pub use flakes::{FlakePlace, FlakeSlices, Flakes};
+pub use flakes::{FlakeDraws, FlakePlace, FlakeSlices, Flakes};
 pub use guenther::{guenther_names, is_guenther, lobe_from_1982, read_guenther};
 pub use paint::{CarPaint, CarPaintParts, Inside, MAX_LOBES, Through};

@@ -198,7 +198,7 @@ pub fn lines(paint: &CarPaint) -> String {
         );
     }
     if let Some(f) = &p.flakes {
-        text += &format!("  flakes as {}, texels of {} mm\n", f.name(), f.texel_mm());
+        text += &format!("  flakes as {}, texels of {:.3} mm\n", f.name(), f.texel_mm());
     }
     text
 }

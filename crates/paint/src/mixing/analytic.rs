@@ -92,10 +92,16 @@ impl Analytic {
         self.chi.as_ref().map_or(0, |c| c.lab[0].len())
     }
 
-    /// Blends coefficients and χ (factors per channel, not below 0) into lists of the right length.
+    /// Blends coefficients and χ (factors per channel, not below 0) into lists of the right length. Weights that do not sum to 1 make a paint darker or brighter;
+    /// what is no strength (index, widths, r0, the side of a texel) lies between the paints all the same.
     pub fn blend(&self, weights: &[f64], coefficients: &mut [f64], chi: &mut [[f32; 3]]) {
+        let total: f64 = weights.iter().sum();
+        let whole = if total.abs() > 1e-9 { total.recip() } else { 1.0 };
+        let texel = coefficients.len().saturating_sub(1);
         for (k, out) in coefficients.iter_mut().enumerate() {
-            *out = self.coefficients.iter().zip(weights).map(|(list, w)| w * list[k]).sum();
+            let sum: f64 = self.coefficients.iter().zip(weights).map(|(list, w)| w * list[k]).sum();
+            let strength = (1..4).contains(&k) || (k >= 4 && k < texel && (k - 4) % 5 < 3);
+            *out = if strength { sum } else { whole * sum };
         }
         let Some(table) = &self.chi else { return };
         for (k, out) in chi.iter_mut().enumerate() {

@@ -162,6 +162,21 @@ fn parts_leave_the_rest_alone() {
 }
 
 #[test]
+fn weights_short_of_one_darken_a_paint_and_change_no_index_or_width() {
+    let m = pair();
+    let whole = m.mix(&[0.5, 0.5], Part::Everything).expect("mixed").paint;
+    let short = m.mix(&[0.4, 0.4], Part::Everything).expect("mixed").paint;
+    assert!((short.index() - whole.index()).abs() < 1e-12);
+    for c in 0..3 {
+        assert!((short.parts().diffuse[c] - 0.8 * whole.parts().diffuse[c]).abs() < 1e-12);
+    }
+    for (a, b) in short.parts().lobes.iter().zip(&whole.parts().lobes) {
+        assert!((a.alpha - b.alpha).abs() < 1e-12 && (a.r0 - b.r0).abs() < 1e-12);
+        assert!((a.specular[0] - 0.8 * b.specular[0]).abs() < 1e-12);
+    }
+}
+
+#[test]
 fn a_mixture_is_a_paint_with_a_file() {
     let m = pair();
     let mixed = m.mix(&[0.5, 0.5], Part::Everything).expect("mixed").paint;

@@ -1,6 +1,7 @@
 //! Scans of the virtual instrument without its controller: frames of the simulator straight into the reduction. The truth may be out of alignment,
 //! the reduction knows what a calibration found.
 
+use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -11,7 +12,7 @@ use gonio_instrument::{
 };
 use gonio_optics::Angle;
 use gonio_sim::optics::sensor::{Conditions, NoiseKey};
-use gonio_sim::optics::{Sample, Sensor, VirtualOptics};
+use gonio_sim::optics::{RateMap, Sample, Sensor, VirtualOptics};
 
 use crate::noise::Noise;
 
@@ -29,6 +30,16 @@ pub struct BenchScan {
     noise: Noise,
     /// Relative standard deviation of the lamp monitor, drawn once a pose.
     pub monitor_noise: f64,
+    /// Traced pictures of a perfect diffuser by tilt: any other diffuser gives so much less.
+    diffusers: HashMap<u64, Arc<RateMap>>,
+}
+
+/// What lies on the holder.
+pub enum OnHolder<'a> {
+    /// Anything.
+    Sample(&'a Sample),
+    /// A diffuser of this reflectance, and the key of its noise.
+    Diffuser(f64, u64),
 }
 
 impl BenchScan {
@@ -42,6 +53,7 @@ impl BenchScan {
             map: Arc::new(PixelMap::new(known)),
             noise: Noise::new(seed),
             monitor_noise: 0.0,
+            diffusers: HashMap::new(),
         }
     }
 
@@ -50,10 +62,20 @@ impl BenchScan {
         self.noise = Noise::new(seed);
     }
 
-    fn pose(&mut self, sample: &Sample, index: u32, readback: Pose, exposures_s: &[f64]) -> PoseRecord {
+    fn pose(&mut self, on: &OnHolder<'_>, index: u32, readback: Pose, exposures_s: &[f64]) -> PoseRecord {
         let off = self.errors.tilt_zero_deg + self.errors.tilt_repeatability_deg * self.noise.normal();
         let actual = Pose { tilt: readback.tilt + Angle::from_degrees(off), ..readback };
-        let rates = self.optics.rate_map(actual, 0.0, sample);
+        let optics = &self.optics;
+        let (rates, factor, noise_key) = match on {
+            OnHolder::Sample(sample) => {
+                (Arc::new(optics.rate_map(actual, 0.0, sample)), 1.0, sample.noise_key)
+            }
+            OnHolder::Diffuser(reflectance, key) => {
+                let perfect = || Arc::new(optics.rate_map(actual, 0.0, &Sample::diffuser(1.0)));
+                let tilt = actual.tilt.degrees().to_bits();
+                (self.diffusers.entry(tilt).or_insert_with(perfect).clone(), *reflectance, *key)
+            }
+        };
         let lamp_monitor = 1.0 + self.monitor_noise * self.noise.normal();
         let pose = ((readback.tilt.degrees() * 1e6) as i64, (readback.spin.degrees() * 1e6) as i64);
         let exposures = exposures_s
@@ -61,13 +83,13 @@ impl BenchScan {
             .enumerate()
             .map(|(k, &exposure_s)| {
                 let key = NoiseKey {
-                    sample: sample.noise_key,
+                    sample: noise_key,
                     pose,
                     exposure_ns: (exposure_s * 1e9) as u64,
                     shutter_open: true,
                     repeat: k as u64,
                 };
-                let conditions = Conditions { exposure_s, lamp: 1.0, temperature_c: 35.0 };
+                let conditions = Conditions { exposure_s, lamp: factor, temperature_c: 35.0 };
                 let frame = Frame {
                     width: rates.width,
                     height: rates.height,
@@ -89,11 +111,11 @@ impl BenchScan {
 
     /// The white reference for samples at these angles of incidence.
     pub fn white(&mut self, tilts: &[f64]) -> WhiteReference {
-        self.white_of(&Sample::diffuser(0.98).with_noise_key(1), tilts)
+        self.white_of(&OnHolder::Sample(&Sample::diffuser(0.98).with_noise_key(1)), tilts)
     }
 
     /// The same where the reference is not quite what its certificate says.
-    pub fn white_of(&mut self, sample: &Sample, tilts: &[f64]) -> WhiteReference {
+    pub fn white_of(&mut self, on: &OnHolder<'_>, tilts: &[f64]) -> WhiteReference {
         let map = self.map.clone();
         let mut builder =
             WhiteBuilder::new(map.clone(), &Certificate::virtual_white(), Vec::new(), &Options::default())
@@ -103,7 +125,7 @@ impl BenchScan {
         for (k, pose) in once.enumerate() {
             let t = 0.02 / pose.tilt.cos();
             let times: Vec<f64> = (0..REPEATS).flat_map(|_| [t, 4.0 * t]).collect();
-            let record = self.pose(sample, k as u32, pose, &times);
+            let record = self.pose(on, k as u32, pose, &times);
             builder.add_pose(&record).expect("frames of this camera");
         }
         builder.finish().expect("the reference is seen")
@@ -117,12 +139,23 @@ impl BenchScan {
         tilts: &[f64],
         options: Options,
     ) -> (Measured, Reducer) {
+        self.table_of(white, &OnHolder::Sample(sample), tilts, options)
+    }
+
+    /// The same of whatever lies there.
+    pub fn table_of(
+        &mut self,
+        white: &WhiteReference,
+        on: &OnHolder<'_>,
+        tilts: &[f64],
+        options: Options,
+    ) -> (Measured, Reducer) {
         let map = self.map.clone();
         let mut reducer =
             Reducer::new(map.clone(), white.clone(), SampleRecord::default(), options).expect("settings");
         let poses = reference_plan::on_instrument(&map, &self.plan(tilts)).poses();
         for (k, pose) in poses.into_iter().enumerate() {
-            let record = self.pose(sample, k as u32, pose, &SAMPLE_S);
+            let record = self.pose(on, k as u32, pose, &SAMPLE_S);
             reducer.add_pose(&record).expect("frames of this camera");
         }
         (reducer.finish(), reducer)

@@ -120,7 +120,12 @@ pub(crate) fn cells(weights: &Weights, pixels: &[PixelValue], bins: &Binning) ->
             if cell < azimuths && cell > 0 && weights.coverage(cell) == 0.0 {
                 return None;
             }
-            one(weights, pixels, [cell, count + cell], bins.min_coverage)
+            one(
+                weights,
+                &sums_of(weights, pixels, [cell, count + cell]),
+                [cell, count + cell],
+                bins.min_coverage,
+            )
         })
         .collect();
     if has_cap(weights, azimuths) {
@@ -128,6 +133,21 @@ pub(crate) fn cells(weights: &Weights, pixels: &[PixelValue], bins: &Binning) ->
         out[1..azimuths].fill(cap);
     }
     out
+}
+
+/// The cells of each side of the plane of incidence by itself: φ ≥ 0 first, then φ < 0, either as [`cells`].
+#[must_use]
+pub(crate) fn side_cells(weights: &Weights, pixels: &[PixelValue], bins: &Binning) -> Vec<Option<Cell>> {
+    let cap = has_cap(weights, bins.azimuths);
+    (0..weights.bins())
+        .into_par_iter()
+        .map(|bin| {
+            let cell = bin % (weights.bins() / 2);
+            let first = if cap && cell < bins.azimuths { bin - cell } else { bin };
+            let sums = [0, 1, 2].map(|c| sum(weights, pixels, first, c));
+            one(weights, &[sums, Default::default()], [first; 2], bins.min_coverage)
+        })
+        .collect()
 }
 
 /// Whether the row about the normal is one cap shared by all azimuths; its weights are kept in the first.
@@ -163,7 +183,9 @@ pub(crate) fn cells_over(
                     }
                 }
             }
-            (under > 0.0).then(|| (cell, one(weights, pixels, sides, bins.min_coverage), under / all))
+            (under > 0.0).then(|| {
+                (cell, one(weights, &sums_of(weights, pixels, sides), sides, bins.min_coverage), under / all)
+            })
         })
         .collect();
     if let Some(&(0, cell, share)) = out.first().filter(|_| cap) {
@@ -209,9 +231,12 @@ fn sum(weights: &Weights, pixels: &[PixelValue], bin: usize, channel: usize) -> 
     s
 }
 
+fn sums_of(weights: &Weights, pixels: &[PixelValue], sides: [usize; 2]) -> [[Sum; 3]; 2] {
+    sides.map(|bin| [0, 1, 2].map(|c| sum(weights, pixels, bin, c)))
+}
+
 /// A cell from the sides that see it whole, else from those that see enough of it.
-fn one(weights: &Weights, pixels: &[PixelValue], sides: [usize; 2], min_coverage: f64) -> Option<Cell> {
-    let sums = sides.map(|bin| [0, 1, 2].map(|c| sum(weights, pixels, bin, c)));
+fn one(weights: &Weights, sums: &[[Sum; 3]; 2], sides: [usize; 2], min_coverage: f64) -> Option<Cell> {
     let seen: [f64; 2] = [0, 1].map(|k| {
         let valid = sums[k]
             .iter()

@@ -169,11 +169,36 @@ impl<'a> Shots<'a> {
         ((slope * level + offset - dark) / shot.x).max(0.0)
     }
 
-    /// Whether a pixel serves in an exposure. A single one is judged by its eight neighbours of the same colour, not by its own value:
-    /// dropping the frames in which its own noise was high would pull the rest down.
-    pub(crate) fn usable(&self, raw: &[u16], p: usize) -> bool {
-        let own = raw[p];
-        own < self.clipped && (own < self.surely_below || self.neighbourhood(raw, p) < self.saturated)
+    /// Whether each of N pixels from (x, y) serves in an exposure: 1 or 0. A single one is judged by its eight neighbours of the same colour,
+    /// not by its own value: dropping the frames in which its own noise was high would pull the rest down.
+    #[inline(always)]
+    pub(crate) fn usable<const N: usize>(&self, raw: &[u16], x: usize, y: usize) -> [f32; N] {
+        let (w, h) = (self.width, self.height);
+        let p = y * w + x;
+        if x < 2 || x + N + 2 > w || y < 2 || y + 2 >= h {
+            return std::array::from_fn(|k| {
+                let own = raw[p + k];
+                let clear = own < self.surely_below || self.neighbourhood(raw, p + k) < self.saturated;
+                f32::from(own < self.clipped && clear)
+            });
+        }
+        let mut sum = [0u32; N];
+        for row in [p - 2 * w, p, p + 2 * w] {
+            for at in [row - 2, row, row + 2] {
+                if at != p
+                    && let Some(values) = raw[at..].first_chunk::<N>()
+                {
+                    for k in 0..N {
+                        sum[k] += u32::from(values[k]);
+                    }
+                }
+            }
+        }
+        let own = &raw[p..p + N];
+        std::array::from_fn(|k| {
+            let clear = own[k] < self.surely_below || (sum[k] as f32) < 8.0 * self.saturated;
+            f32::from(own[k] < self.clipped && clear)
+        })
     }
 
     /// Mean raw value of the eight neighbours of the same colour lattice (those there are).

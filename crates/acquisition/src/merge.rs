@@ -11,9 +11,9 @@
 pub(crate) mod lanes;
 pub(crate) mod mend;
 pub(crate) mod shots;
+pub(crate) mod wide;
 
 use gonio_instrument::PoseRecord;
-use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
 use crate::dark::DarkModel;
@@ -22,6 +22,7 @@ use crate::pixel_map::PixelMap;
 use crate::sensor::Sensor;
 use lanes::{BLOCK, Row};
 use shots::Shots;
+use wide::{Task, Wide};
 
 /// A merged pixel; `rate` is NaN where nothing is known, infinite where every exposure is saturated.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -113,7 +114,7 @@ pub fn merge(
         |row, (y, out)| {
             let wanted = &wanted[y * w..(y + 1) * w];
             if let Some(blocks) = blocks_of(wanted) {
-                Arch::new().dispatch(OneRow { row, shots: &shots, y, blocks });
+                wide::run(OneRow { row, shots: &shots, y, blocks });
                 for (x, out) in
                     out.iter_mut().enumerate().filter(|(x, _)| wanted[*x] && !shots.hot[y * w + x])
                 {
@@ -154,12 +155,12 @@ pub(crate) struct OneRow<'a, 'b> {
     pub(crate) blocks: (usize, usize),
 }
 
-impl WithSimd for OneRow<'_, '_> {
+impl Task for OneRow<'_, '_> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        self.row.merge(self.shots, self.y, self.blocks);
+    fn run<W: Wide>(self, wide: W) {
+        self.row.merge(wide, self.shots, self.y, self.blocks);
     }
 }
 

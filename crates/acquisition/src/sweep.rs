@@ -13,7 +13,6 @@ mod build;
 mod window;
 
 use gonio_instrument::PoseRecord;
-use pulp::Arch;
 use rayon::prelude::*;
 
 use crate::cells::{PixelValue, Sum};
@@ -22,7 +21,7 @@ use crate::dark::DarkModel;
 use crate::error::AcquisitionError;
 use crate::merge::lanes::{BLOCK, Row};
 use crate::merge::shots::Shots;
-use crate::merge::{Merged, OneRow, check_frames, mend};
+use crate::merge::{Merged, OneRow, check_frames, mend, wide};
 use crate::pixel_map::PixelMap;
 use crate::sensor::Sensor;
 
@@ -122,7 +121,7 @@ impl Sweep {
         check_frames(record, map)?;
         let shots = Shots::of(record, self.width, sensor, dark)?;
         let taken: Vec<Taken> =
-            self.bands.par_iter().map(|band| Arch::new().dispatch(band.task(self, &shots))).collect();
+            self.bands.par_iter().map(|band| wide::run(band.task(self, &shots))).collect();
         let mut sums: Vec<Sum> =
             self.known.iter().map(|k| Sum { w: k.w, all: k.all, valid: k.valid, ..Sum::default() }).collect();
         let mut window = self.window.clone();
@@ -174,7 +173,7 @@ impl Sweep {
                 }
                 let (x, y) = (q % self.width, q / self.width);
                 let blocks = (x / BLOCK, x / BLOCK + 1);
-                Arch::new().dispatch(OneRow { row: &mut row, shots, y, blocks });
+                wide::run(OneRow { row: &mut row, shots, y, blocks });
                 row.pixel(x)
             };
             match mend::from_neighbours(p, self.width, self.height, &mut at) {

@@ -9,11 +9,10 @@
 //! and it is surer than the pixel's own counts.
 
 use super::shots::{Ramp, Shots};
+use super::wide::{WIDE, Wide};
 
 /// Pixels of a block.
 pub(crate) const BLOCK: usize = 32;
-/// Pixels that are merged together where exposures are mixed.
-const MIXED: usize = 8;
 /// Colours that alternate along a row.
 const PARITIES: usize = 2;
 
@@ -90,121 +89,111 @@ impl Row {
 
     /// Merges the blocks of row `y` that `blocks` names (first, end).
     #[inline(always)]
-    pub(crate) fn merge(&mut self, shots: &Shots<'_>, y: usize, blocks: (usize, usize)) {
+    pub(crate) fn merge<W: Wide>(&mut self, wide: W, shots: &Shots<'_>, y: usize, blocks: (usize, usize)) {
         match &shots.ramp {
-            Ramp::Straight { .. } => self.merge_with(shots, y, blocks, &|raw: u16| f32::from(raw)),
+            Ramp::Straight { .. } => {
+                self.merge_with(wide, shots, y, blocks, &|raw: &[u16; WIDE]| wide.counts(raw));
+            }
             Ramp::Table(table) => {
                 let last = table.len().saturating_sub(1);
                 let level = |raw: u16| table.get(usize::from(raw).min(last)).copied().unwrap_or(0.0);
-                self.merge_with(shots, y, blocks, &level);
+                self.merge_with(wide, shots, y, blocks, &|raw: &[u16; WIDE]| wide.load(&raw.map(level)));
             }
         }
     }
 
     #[inline(always)]
-    fn merge_with(
+    fn merge_with<W: Wide>(
         &mut self,
+        wide: W,
         shots: &Shots<'_>,
         y: usize,
         (first, end): (usize, usize),
-        level: &impl Fn(u16) -> f32,
+        level: &impl Fn(&[u16; WIDE]) -> W::F,
     ) {
         if first >= end {
             return;
         }
-        self.scratch.prepare(shots, y, (first, end), level);
-        let row = y * shots.width;
+        self.scratch.prepare(wide, shots, y, (first, end), level);
         for b in first..end {
-            let x = b * BLOCK;
-            let n = BLOCK.min(shots.width - x);
-            if self.scratch.mixed[b - first] {
-                self.lost[b] = false;
-                let place = (b - first, end - first);
-                for k in (0..n / MIXED).map(|k| k * MIXED) {
-                    self.mixed_pixels::<MIXED>(shots, y, x + k, place, level);
-                }
-                for k in n / MIXED * MIXED..n {
-                    self.mixed_pixels::<1>(shots, y, x + k, place, level);
-                }
-                continue;
-            }
-            let den = take::<f32, PARITIES>(&self.scratch.lines[DEN], (b - first) * PARITIES);
-            self.lost[b] = den[0] <= 0.0 || den[1] <= 0.0;
-            if n == BLOCK {
-                self.clear_block::<BLOCK>(shots, row + x, x, (b - first, end - first), level);
-            } else {
-                // the last pixels of a row, one after the other
-                for k in 0..n {
-                    self.clear_block::<1>(shots, row + x + k, x + k, (b - first, end - first), level);
+            let (x, place) = (b * BLOCK, (b - first, end - first));
+            let to = shots.width.min(x + BLOCK);
+            self.lost[b] = false;
+            for x in (x..to).step_by(WIDE) {
+                if self.scratch.mixed[b - first] {
+                    self.mixed(wide, shots, y, x, place, level);
+                } else {
+                    self.clear(wide, shots, y, x, place, level);
                 }
             }
         }
     }
 
-    /// N pixels from `x`; one, or a whole block.
+    /// Eight pixels from `x` of a block in which no exposure is mixed.
     #[inline(always)]
-    fn clear_block<const N: usize>(
+    fn clear<W: Wide>(
         &mut self,
-        shots: &Shots<'_>,
-        p: usize,
-        x: usize,
-        (b, count): (usize, usize),
-        level: &impl Fn(u16) -> f32,
-    ) {
-        let lines = &self.scratch.lines;
-        let at = |line: &[f32]| spread::<N>(line, b, x);
-        let mean: &[f32; N] = take(shots.dark_mean, p);
-        let current: &[f32; N] = take(shots.dark_current, p);
-        let mut rate = at(&lines[OFFSET]);
-        let (sum, sum_t) = (at(&lines[SUM]), at(&lines[SUM_T]));
-        for k in 0..N {
-            rate[k] -= sum[k] * mean[k] + sum_t[k] * current[k];
-        }
-        let lanes = count * PARITIES;
-        for (j, shot) in shots.list.iter().enumerate() {
-            let w = at(&self.scratch.weights[j * lanes..(j + 1) * lanes]);
-            let raw: &[u16; N] = take(shot.raw, p);
-            for k in 0..N {
-                rate[k] += w[k] * level(raw[k]);
-            }
-        }
-        let (slope, dark_slope) = (at(&lines[SHOT]), at(&lines[DARK_SHOT]));
-        let (squares, exposure) = (at(&lines[SQUARES]), at(&lines[EXPOSURE]));
-        let shot = place::<N>(&mut self.shot, x);
-        for k in 0..N {
-            shot[k] = slope[k] * rate[k].max(0.0) + dark_slope[k] * current[k].max(0.0);
-        }
-        let read = place::<N>(&mut self.read, x);
-        for k in 0..N {
-            read[k] = squares[k] * shots.read_e2;
-        }
-        let dark = place::<N>(&mut self.dark, x);
-        for k in 0..N {
-            dark[k] = sum[k] * sum[k] * shots.dark_mean_e2 + sum_t[k] * sum_t[k] * shots.dark_current_e2;
-        }
-        *place::<N>(&mut self.exposure, x) = exposure;
-        let den = at(&lines[DEN]);
-        for k in 0..N {
-            rate[k] = if den[k] > 0.0 { rate[k] } else { f32::INFINITY };
-        }
-        *place::<N>(&mut self.rate, x) = rate;
-    }
-
-    /// N pixels from `x` of a block in which some exposure is saturated in some pixels.
-    #[inline(always)]
-    fn mixed_pixels<const N: usize>(
-        &mut self,
+        wide: W,
         shots: &Shots<'_>,
         y: usize,
         x: usize,
         (b, count): (usize, usize),
-        level: &impl Fn(u16) -> f32,
+        level: &impl Fn(&[u16; WIDE]) -> W::F,
     ) {
-        let (p, lanes) = (y * shots.width + x, count * PARITIES);
-        let mean: &[f32; N] = take(shots.dark_mean, p);
-        let current: &[f32; N] = take(shots.dark_current, p);
+        let (w, p) = (wide, y * shots.width + x);
+        let n = WIDE.min(shots.width - x);
+        let lines = &self.scratch.lines;
+        let line = |k: usize| w.pattern(*take(&lines[k], b * PARITIES));
+        let mean = w.load(&some(shots.dark_mean, p, n));
+        let current = w.load(&some(shots.dark_current, p, n));
+        let (sum, sum_t) = (line(SUM), line(SUM_T));
+        let mut rate = w.sub(line(OFFSET), w.add(w.mul(sum, mean), w.mul(sum_t, current)));
+        let lanes = count * PARITIES;
+        for (j, shot) in shots.list.iter().enumerate() {
+            let weight = w.pattern(*take(&self.scratch.weights, j * lanes + b * PARITIES));
+            rate = w.add(rate, w.mul(weight, level(&some(shot.raw, p, n))));
+        }
+        let shot = w.add(w.mul(line(SHOT), w.positive(rate)), w.mul(line(DARK_SHOT), w.positive(current)));
+        let dark = w.add(
+            w.mul(w.mul(sum, sum), w.splat(shots.dark_mean_e2)),
+            w.mul(w.mul(sum_t, sum_t), w.splat(shots.dark_current_e2)),
+        );
+        let den: &[f32; PARITIES] = take(&lines[DEN], b * PARITIES);
+        self.lost[x / BLOCK] = den[0] <= 0.0 || den[1] <= 0.0;
+        let rate = w.where_above_zero(w.pattern(*den), rate, w.splat(f32::INFINITY));
+        let read = w.mul(line(SQUARES), w.splat(shots.read_e2));
+        let exposure = line(EXPOSURE);
+        self.put(wide, x, [rate, shot, read, dark, exposure]);
+    }
+
+    #[inline(always)]
+    fn put<W: Wide>(&mut self, w: W, x: usize, [rate, shot, read, dark, exposure]: [W::F; 5]) {
+        *place(&mut self.rate, x) = w.store(rate);
+        *place(&mut self.shot, x) = w.store(shot);
+        *place(&mut self.read, x) = w.store(read);
+        *place(&mut self.dark, x) = w.store(dark);
+        *place(&mut self.exposure, x) = w.store(exposure);
+    }
+
+    /// Eight pixels from `x` of a block in which some exposure is saturated in some pixels.
+    #[inline(always)]
+    fn mixed<W: Wide>(
+        &mut self,
+        wide: W,
+        shots: &Shots<'_>,
+        y: usize,
+        x: usize,
+        (b, count): (usize, usize),
+        level: &impl Fn(&[u16; WIDE]) -> W::F,
+    ) {
+        let (w, p) = (wide, y * shots.width + x);
+        let n = WIDE.min(shots.width - x);
+        let lanes = count * PARITIES;
+        let mean = w.load(&some(shots.dark_mean, p, n));
+        let current = w.load(&some(shots.dark_current, p, n));
         let (slope, offset) = shots.ramp.line();
-        let zero = [0.0f32; N];
+        let (slope, offset) = (w.splat(slope), w.splat(offset));
+        let zero = w.splat(0.0);
         let (mut num, mut den, mut sum, mut sum_t, mut exposure) = (zero, zero, zero, zero, zero);
         let (mut by_rate, mut by_current, mut squares) = (zero, zero, zero);
         for (j, shot) in shots.list.iter().enumerate() {
@@ -212,44 +201,37 @@ impl Row {
             if *class == [Class::Saturated; PARITIES] {
                 continue;
             }
-            let usable = if class.contains(&Class::Mixed) { shots.usable::<N>(shot.raw, x, y) } else { zero };
-            let clear = spread::<N>(&class.map(|c| f32::from(c == Class::Clear)), 0, x);
-            let mixed = spread::<N>(&class.map(|c| f32::from(c == Class::Mixed)), 0, x);
-            let free = spread::<N>(&self.scratch.free[j * lanes..(j + 1) * lanes], b, x);
-            let raw: &[u16; N] = take(shot.raw, p);
-            for k in 0..N {
-                let counts = clear[k] + mixed[k] * usable[k];
-                let w = counts * free[k];
-                let signal = slope * level(raw[k]) + offset - mean[k] - current[k] * shot.since_mean_s;
-                num[k] += w * signal;
-                den[k] += w * shot.x;
-                sum[k] += w;
-                sum_t[k] += w * shot.since_mean_s;
-                exposure[k] += counts * shot.x;
-                by_rate[k] += w * w * shot.x;
-                by_current[k] += w * w * shot.dark_s;
-                squares[k] += w * w;
-            }
+            let usable = if class.contains(&Class::Mixed) { shots.usable(w, shot.raw, x, y) } else { zero };
+            let clear = w.pattern(class.map(|c| f32::from(c == Class::Clear)));
+            let mixed = w.pattern(class.map(|c| f32::from(c == Class::Mixed)));
+            let free = w.pattern(*take(&self.scratch.free, j * lanes + b * PARITIES));
+            let (t, since) = (w.splat(shot.x), w.splat(shot.since_mean_s));
+            let counts = w.add(clear, w.mul(mixed, usable));
+            let weight = w.mul(counts, free);
+            let electrons = w.add(w.mul(slope, level(&some(shot.raw, p, n))), offset);
+            let signal = w.sub(electrons, w.add(mean, w.mul(current, since)));
+            let square = w.mul(weight, weight);
+            num = w.add(num, w.mul(weight, signal));
+            den = w.add(den, w.mul(weight, t));
+            sum = w.add(sum, weight);
+            sum_t = w.add(sum_t, w.mul(weight, since));
+            exposure = w.add(exposure, w.mul(counts, t));
+            by_rate = w.add(by_rate, w.mul(square, t));
+            by_current = w.add(by_current, w.mul(square, w.splat(shot.dark_s)));
+            squares = w.add(squares, square);
         }
-        let mut lost = false;
-        for k in 0..N {
-            let known = den[k] > 0.0;
-            lost |= !known;
-            let one = if known { 1.0 / den[k] } else { 0.0 };
-            num[k] = if known { num[k] * one } else { f32::INFINITY };
-            let square = one * one;
-            sum[k] =
-                (sum[k] * sum[k] * shots.dark_mean_e2 + sum_t[k] * sum_t[k] * shots.dark_current_e2) * square;
-            squares[k] *= square * shots.read_e2;
-            let rate = if known { num[k].max(0.0) } else { 0.0 };
-            by_rate[k] = (by_rate[k] * rate + by_current[k] * current[k].max(0.0)) * square;
-        }
-        *place::<N>(&mut self.rate, x) = num;
-        *place::<N>(&mut self.shot, x) = by_rate;
-        *place::<N>(&mut self.read, x) = squares;
-        *place::<N>(&mut self.dark, x) = sum;
-        *place::<N>(&mut self.exposure, x) = exposure;
-        self.lost[x / BLOCK] |= lost;
+        let one = w.where_above_zero(den, w.div(w.splat(1.0), den), zero);
+        let square = w.mul(one, one);
+        let known = w.mul(num, one);
+        let dark = w.add(
+            w.mul(w.mul(sum, sum), w.splat(shots.dark_mean_e2)),
+            w.mul(w.mul(sum_t, sum_t), w.splat(shots.dark_current_e2)),
+        );
+        let shot = w.add(w.mul(by_rate, w.positive(known)), w.mul(by_current, w.positive(current)));
+        let rate = w.where_above_zero(den, known, w.splat(f32::INFINITY));
+        self.lost[x / BLOCK] |= w.store(den).iter().any(|d| *d <= 0.0);
+        let read = w.mul(squares, w.splat(shots.read_e2));
+        self.put(w, x, [rate, w.mul(shot, square), w.mul(read, square), w.mul(dark, square), exposure]);
     }
 }
 
@@ -259,29 +241,31 @@ fn take<T, const N: usize>(from: &[T], at: usize) -> &[T; N] {
     from[at..].first_chunk().expect("a whole block within the frame")
 }
 
-/// Room for N entries from `at`.
+/// Eight entries from `at`, of which the first `n` are there.
 #[inline(always)]
-fn place<const N: usize>(from: &mut [f32], at: usize) -> &mut [f32; N] {
-    from[at..].first_chunk_mut().expect("room for a row and more")
+pub(crate) fn some<T: Copy + Default>(from: &[T], at: usize, n: usize) -> [T; WIDE] {
+    if n == WIDE {
+        return *take(from, at);
+    }
+    std::array::from_fn(|k| if k < n { from[at + k] } else { T::default() })
 }
 
-/// The block's two values of a line, alternating as the pixels from column `x` do.
+/// Room for eight entries from `at`.
 #[inline(always)]
-fn spread<const N: usize>(line: &[f32], b: usize, x: usize) -> [f32; N] {
-    let [even, odd] = *take::<f32, PARITIES>(line, b * PARITIES);
-    let [first, second] = if x & 1 == 0 { [even, odd] } else { [odd, even] };
-    std::array::from_fn(|k| if k & 1 == 0 { first } else { second })
+fn place(from: &mut [f32], at: usize) -> &mut [f32; WIDE] {
+    from[at..].first_chunk_mut().expect("room for a row and more")
 }
 
 impl Scratch {
     /// Classes, expected rates, weights and straight lines of the blocks of a row.
     #[inline(always)]
-    fn prepare(
+    fn prepare<W: Wide>(
         &mut self,
+        wide: W,
         shots: &Shots<'_>,
         y: usize,
         (first, end): (usize, usize),
-        level: &impl Fn(u16) -> f32,
+        level: &impl Fn(&[u16; WIDE]) -> W::F,
     ) {
         let (count, lanes, n) = (end - first, (end - first) * PARITIES, shots.len());
         self.class.clear();
@@ -303,7 +287,7 @@ impl Scratch {
             // an exposure is clear where a longer one is
             let mut clear: [Option<usize>; PARITIES] = [None; PARITIES];
             for j in (0..n).rev() {
-                let class = shots.class(y, x, shots.list[j].raw);
+                let class = shots.class(wide, y, x, shots.list[j].raw);
                 for parity in 0..PARITIES {
                     if clear[parity].is_none() {
                         self.class[j * lanes + b * PARITIES + parity] = class[parity];
@@ -316,9 +300,9 @@ impl Scratch {
                 }
             }
             let [even, odd] = clear.map(|j| j.unwrap_or(0));
-            let mut means = block_means(shots, y, x, shots.list[even].raw, level);
+            let mut means = block_means(wide, shots, y, x, shots.list[even].raw, level);
             if odd != even {
-                means[1] = block_means(shots, y, x, shots.list[odd].raw, level)[1];
+                means[1] = block_means(wide, shots, y, x, shots.list[odd].raw, level)[1];
             }
             self.expected[b * PARITIES] = shots.expected(&shots.list[even], means[0]);
             self.expected[b * PARITIES + 1] = shots.expected(&shots.list[odd], means[1]);
@@ -365,14 +349,14 @@ impl Scratch {
 impl Shots<'_> {
     /// How an exposure serves the block at (x, y), its even and its odd columns.
     #[inline(always)]
-    fn class(&self, y: usize, x: usize, raw: &[u16]) -> [Class; PARITIES] {
+    fn class<W: Wide>(&self, wide: W, y: usize, x: usize, raw: &[u16]) -> [Class; PARITIES] {
         let (w, h) = (self.width, self.height);
         let row = y * w;
         if x + BLOCK > w {
             return self.class_by_neighbours(y, x, raw);
         }
-        let own = Extremes::default().with(take(raw, row + x));
-        let (low, high) = own.by_parity();
+        let own = Extremes::of(wide, take(raw, row + x));
+        let (low, high) = own.by_parity(wide);
         if high[0] < self.surely_below && high[1] < self.surely_below {
             return [Class::Clear; PARITIES];
         }
@@ -384,9 +368,9 @@ impl Shots<'_> {
         }
         let mut around = own;
         for v in [row - 2 * w, row, row + 2 * w] {
-            around = around.with(take(raw, v + x - 2)).with(take(raw, v + x + 2));
+            around = around.with(wide, take(raw, v + x - 2)).with(wide, take(raw, v + x + 2));
         }
-        self.judge((low, high), around.by_parity())
+        self.judge((low, high), around.by_parity(wide))
     }
 
     /// The same at the edges of the sensor.
@@ -431,69 +415,69 @@ impl Shots<'_> {
 
 /// Lowest and highest value, lane by lane.
 #[derive(Clone, Copy)]
-struct Extremes {
-    low: [u16; 16],
-    high: [u16; 16],
+struct Extremes<W: Wide> {
+    low: W::U,
+    high: W::U,
 }
 
-impl Default for Extremes {
+impl<W: Wide> Extremes<W> {
     #[inline(always)]
-    fn default() -> Self {
-        Self { low: [u16::MAX; 16], high: [0; 16] }
+    fn of(w: W, values: &[u16; BLOCK]) -> Self {
+        let [a, b] = halves(values).map(|h| w.load_counts(h));
+        Self { low: w.least(a, b), high: w.most(a, b) }
+    }
+
+    #[inline(always)]
+    fn with(self, w: W, values: &[u16; BLOCK]) -> Self {
+        let other = Self::of(w, values);
+        Self { low: w.least(self.low, other.low), high: w.most(self.high, other.high) }
+    }
+
+    #[inline(always)]
+    fn by_parity(&self, w: W) -> ([u16; PARITIES], [u16; PARITIES]) {
+        let (low, high) = (w.store_counts(self.low), w.store_counts(self.high));
+        let of = |k: usize| {
+            let step = || (k..2 * WIDE).step_by(PARITIES);
+            (
+                step().fold(u16::MAX, |a, i| if low[i] < a { low[i] } else { a }),
+                step().fold(0, |a, i| if high[i] > a { high[i] } else { a }),
+            )
+        };
+        let (even, odd) = (of(0), of(1));
+        ([even.0, odd.0], [even.1, odd.1])
     }
 }
 
-impl Extremes {
-    #[inline(always)]
-    fn with(mut self, values: &[u16; BLOCK]) -> Self {
-        let (halves, _) = values.as_chunks::<16>();
-        for half in halves {
-            for (k, v) in half.iter().enumerate() {
-                self.low[k] = self.low[k].min(*v);
-                self.high[k] = self.high[k].max(*v);
-            }
-        }
-        self
-    }
-
-    #[inline(always)]
-    fn by_parity(&self) -> ([u16; PARITIES], [u16; PARITIES]) {
-        let (mut low, mut high) = (self.low, self.high);
-        for half in [8, 4, 2] {
-            for k in 0..half {
-                low[k] = low[k].min(low[k + half]);
-                high[k] = high[k].max(high[k + half]);
-            }
-        }
-        ([low[0], low[1]], [high[0], high[1]])
-    }
+#[inline(always)]
+fn halves(values: &[u16; BLOCK]) -> [&[u16; 2 * WIDE]; 2] {
+    [take(values, 0), take(values, 2 * WIDE)]
 }
 
 /// Mean level of the block's pixels of either parity.
 #[inline(always)]
-fn block_means(
+fn block_means<W: Wide>(
+    wide: W,
     shots: &Shots<'_>,
     y: usize,
     x: usize,
     raw: &[u16],
-    level: &impl Fn(u16) -> f32,
+    level: &impl Fn(&[u16; WIDE]) -> W::F,
 ) -> [f32; PARITIES] {
-    let (w, n) = (shots.width, BLOCK.min(shots.width - x));
-    let mut lanes = [0.0f32; 8];
-    if n == BLOCK {
-        let (chunks, _) = take::<u16, BLOCK>(raw, y * w + x).as_chunks::<8>();
-        for c in chunks {
-            for (lane, v) in lanes.iter_mut().zip(c) {
-                *lane += level(*v);
-            }
-        }
-    } else {
-        for k in 0..n {
-            lanes[k % 2] += level(raw[y * w + x + k]);
+    let (p, n) = (y * shots.width + x, BLOCK.min(shots.width - x));
+    let mut lanes = wide.splat(0.0);
+    for k in (0..n / WIDE).map(|k| k * WIDE) {
+        lanes = wide.add(lanes, level(take(raw, p + k)));
+    }
+    let mut l = wide.store(lanes);
+    if n % WIDE > 0 {
+        let rest = wide.store(level(&some(raw, p + n / WIDE * WIDE, n % WIDE)));
+        for k in 0..n % WIDE {
+            l[k] += rest[k];
         }
     }
-    let of = |parity: usize| n.div_ceil(PARITIES).max(1) as f32 - (n & parity) as f32;
-    let even = (lanes[0] + lanes[4]) + (lanes[2] + lanes[6]);
-    let odd = (lanes[1] + lanes[5]) + (lanes[3] + lanes[7]);
-    [even / of(0), odd / of(1).max(1.0)]
+    let (even, odd) = (n.div_ceil(PARITIES), n / PARITIES);
+    [
+        ((l[0] + l[4]) + (l[2] + l[6])) / even.max(1) as f32,
+        ((l[1] + l[5]) + (l[3] + l[7])) / odd.max(1) as f32,
+    ]
 }

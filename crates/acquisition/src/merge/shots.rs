@@ -2,6 +2,8 @@
 
 use gonio_instrument::{Exposure, PoseRecord};
 
+use super::lanes::some;
+use super::wide::{WIDE, Wide};
 use crate::dark::DarkModel;
 use crate::error::AcquisitionError;
 use crate::sensor::Sensor;
@@ -169,36 +171,33 @@ impl<'a> Shots<'a> {
         ((slope * level + offset - dark) / shot.x).max(0.0)
     }
 
-    /// Whether each of N pixels from (x, y) serves in an exposure: 1 or 0. A single one is judged by its eight neighbours of the same colour,
+    /// Whether each of eight pixels from (x, y) serves in an exposure: 1 or 0. A single one is judged by its eight neighbours of the same colour,
     /// not by its own value: dropping the frames in which its own noise was high would pull the rest down.
     #[inline(always)]
-    pub(crate) fn usable<const N: usize>(&self, raw: &[u16], x: usize, y: usize) -> [f32; N] {
+    pub(crate) fn usable<W: Wide>(&self, wide: W, raw: &[u16], x: usize, y: usize) -> W::F {
         let (w, h) = (self.width, self.height);
         let p = y * w + x;
-        if x < 2 || x + N + 2 > w || y < 2 || y + 2 >= h {
-            return std::array::from_fn(|k| {
+        if x < 2 || x + WIDE + 2 > w || y < 2 || y + 2 >= h {
+            let n = WIDE.min(w - x);
+            let serves = |k: usize| {
                 let own = raw[p + k];
-                let clear = own < self.surely_below || self.neighbourhood(raw, p + k) < self.saturated;
-                f32::from(own < self.clipped && clear)
-            });
+                own < self.clipped
+                    && (own < self.surely_below || self.neighbourhood(raw, p + k) < self.saturated)
+            };
+            return wide.load(&std::array::from_fn(|k| f32::from(k >= n || serves(k))));
         }
-        let mut sum = [0u32; N];
-        for row in [p - 2 * w, p, p + 2 * w] {
-            for at in [row - 2, row, row + 2] {
-                if at != p
-                    && let Some(values) = raw[at..].first_chunk::<N>()
-                {
-                    for k in 0..N {
-                        sum[k] += u32::from(values[k]);
-                    }
-                }
-            }
+        let at = |p: usize| wide.counts(&some(raw, p, WIDE));
+        let mut sum = wide.add(at(p - 2), at(p + 2));
+        for row in [p - 2 * w, p + 2 * w] {
+            sum = wide.add(sum, wide.add(at(row - 2), wide.add(at(row), at(row + 2))));
         }
-        let own = &raw[p..p + N];
-        std::array::from_fn(|k| {
-            let clear = own[k] < self.surely_below || (sum[k] as f32) < 8.0 * self.saturated;
-            f32::from(own[k] < self.clipped && clear)
-        })
+        let own = at(p);
+        let clear = wide.add(
+            wide.below(own, wide.splat(f32::from(self.surely_below))),
+            wide.below(sum, wide.splat(8.0 * self.saturated)),
+        );
+        let below = wide.below(own, wide.splat(f32::from(self.clipped)));
+        wide.where_above_zero(clear, below, wide.splat(0.0))
     }
 
     /// Mean raw value of the eight neighbours of the same colour lattice (those there are).

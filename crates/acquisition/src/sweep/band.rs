@@ -1,12 +1,11 @@
 //! A band of rows: its runs, and the pass over it.
 
-use pulp::{Simd, WithSimd};
-
 use super::window::Window;
 use super::{LANES, Sweep};
 use crate::cells::PixelValue;
 use crate::merge::lanes::{BLOCK, Row};
 use crate::merge::shots::Shots;
+use crate::merge::wide::{Task, Wide};
 
 /// A stretch of pixels of one row in one bin, from an even column on.
 #[derive(Clone, Copy, Debug)]
@@ -92,11 +91,11 @@ impl Band {
     }
 }
 
-impl WithSimd for Pass<'_, '_> {
+impl Task for Pass<'_, '_> {
     type Output = Taken;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) -> Taken {
+    fn run<W: Wide>(self, wide: W) -> Taken {
         let Self { band, sweep, shots } = self;
         let mut row = Row::of(sweep.width);
         let mut sums = vec![Lanes::default(); band.slots.len()];
@@ -106,12 +105,12 @@ impl WithSimd for Pass<'_, '_> {
                 continue;
             }
             let y = band.first_row + k;
-            row.merge(shots, y, blocks);
+            row.merge(wide, shots, y, blocks);
             set_aside(&mut row, y, blocks, sweep, shots, &mut out);
             keep(&row, y, &sweep.window, sweep, &mut out.window);
             for run in &band.runs[band.starts[k] as usize..band.starts[k + 1] as usize] {
                 let weights = &band.weights[run.first as usize..run.end as usize];
-                spread(&row, run, weights, &mut sums[run.slot as usize]);
+                spread(wide, &row, run, weights, &mut sums[run.slot as usize]);
             }
         }
         out.sums = sums.iter().map(by_column).collect();
@@ -121,30 +120,28 @@ impl WithSimd for Pass<'_, '_> {
 
 /// Dot products of a run.
 #[inline(always)]
-fn spread(row: &Row, run: &Run, weights: &[[f32; LANES]], into: &mut Lanes) {
+fn spread<W: Wide>(w: W, row: &Row, run: &Run, weights: &[[f32; LANES]], into: &mut Lanes) {
     let x = run.column as usize;
     let n = weights.len() * LANES;
     let (rate, _) = row.rate[x..x + n].as_chunks::<LANES>();
     let (shot, _) = row.shot[x..x + n].as_chunks::<LANES>();
     let (read, _) = row.read[x..x + n].as_chunks::<LANES>();
     let (dark, _) = row.dark[x..x + n].as_chunks::<LANES>();
-    let mut sum = Lanes::default();
-    for ((((w, rate), shot), read), dark) in weights.iter().zip(rate).zip(shot).zip(read).zip(dark) {
-        for k in 0..LANES {
-            let (t, w2) = (w[k] * rate[k], w[k] * w[k]);
-            sum.value[k] += t;
-            sum.reference[k] += t * t;
-            sum.shot[k] += w2 * shot[k];
-            sum.read[k] += w2 * read[k];
-            sum.dark[k] += w2 * dark[k];
-        }
+    let zero = w.splat(0.0);
+    let mut sums = [zero; 5];
+    for ((((weight, rate), shot), read), dark) in weights.iter().zip(rate).zip(shot).zip(read).zip(dark) {
+        let weight = w.load(weight);
+        let (t, square) = (w.mul(weight, w.load(rate)), w.mul(weight, weight));
+        sums[0] = w.add(sums[0], t);
+        sums[1] = w.add(sums[1], w.mul(square, w.load(shot)));
+        sums[2] = w.add(sums[2], w.mul(square, w.load(read)));
+        sums[3] = w.add(sums[3], w.mul(square, w.load(dark)));
+        sums[4] = w.add(sums[4], w.mul(t, t));
     }
-    for k in 0..LANES {
-        into.value[k] += sum.value[k];
-        into.shot[k] += sum.shot[k];
-        into.read[k] += sum.read[k];
-        into.dark[k] += sum.dark[k];
-        into.reference[k] += sum.reference[k] * run.relative[k % 2];
+    sums[4] = w.mul(sums[4], w.pattern(run.relative));
+    let all = [&mut into.value, &mut into.shot, &mut into.read, &mut into.dark, &mut into.reference];
+    for (total, sum) in all.into_iter().zip(sums) {
+        *total = w.store(w.add(w.load(total), sum));
     }
 }
 
@@ -176,12 +173,12 @@ fn set_aside(
         }
     }
     for b in (blocks.0..blocks.1).filter(|b| row.lost[*b]) {
-        let x0 = b * BLOCK;
-        for x in x0..(x0 + BLOCK).min(w) {
+        // what fills the last lanes up included
+        for x in b * BLOCK..(b + 1) * BLOCK {
             if row.rate[x] != f32::INFINITY {
                 continue;
             }
-            if sweep.visible[y * w + x] {
+            if x < w && sweep.visible[y * w + x] {
                 out.lost.push((y * w + x) as u32);
             }
             (row.rate[x], row.shot[x], row.read[x], row.dark[x]) = (0.0, 0.0, 0.0, 0.0);

@@ -235,7 +235,7 @@ impl Azimuths {
                         let phi = grid.phi_deg.partition_point(|&x| x < folded - 1e-9);
                         let cell = to * grid.phi_deg.len() + phi;
                         // in the plane of incidence, and at the cap, both sides are one
-                        let both = folded < 1e-9 || folded > 180.0 - 1e-9 || to == 0;
+                        let both = folded.min(180.0 - folded) < 1e-9 || to == 0;
                         let sides = [turned <= 180.0 || both, turned > 180.0 || both];
                         let seen: Vec<&Seen> = [cell, cells + cell]
                             .iter()

@@ -10,21 +10,45 @@ use gonio_instrument::{PoseRecord, SampleRecord};
 use gonio_optics::{Angle, Vec3, quadrature};
 
 use crate::azimuths::{Azimuths, Isotropy};
-use crate::cells::{Binning, Cell, PixelValue, cells, cells_over, pixel_values, side_cells};
+use crate::cells::{Binning, Cell, PixelValue, cells, cells_over, side_cells};
 use crate::coat::{self, CoatFit, Gloss, Verdict};
 use crate::dark::{DarkFrames, DarkModel};
 use crate::error::AcquisitionError;
 use crate::fill::fill;
 use crate::lamp;
-use crate::merge::{check_frames, merge};
+use crate::merge::check_frames;
 use crate::options::{ClearCoat, Options};
 use crate::pixel_map::{PixelMap, PoseView};
 use crate::reference::WhiteReference;
 use crate::row::Row;
 use crate::sensor::Sensor;
 use crate::statistics::PoseStatistics;
+use crate::sweep::{Sweep, Window};
 use crate::table::{Budget, Common, PARTS, assemble};
 use crate::weights::Weights;
+
+/// What the poses of a tilt share.
+struct Tilt {
+    /// Thousandths of a degree.
+    key: i64,
+    view: PoseView,
+    weights: Weights,
+    sweep: Sweep,
+    /// Mean of cos θ' over the lamp.
+    mean_cos: f64,
+}
+
+impl Tilt {
+    fn new(key: i64, map: &PixelMap, view: PoseView, white: &WhiteReference, options: &Options) -> Self {
+        let light = Vec3::from_polar(view.theta_i, Angle::ZERO);
+        let lights = quadrature::cone(light, map.description().lamp.half_angle(), 4);
+        let mean_cos = lights.iter().map(|l| l.z.max(0.0)).sum::<f64>() / lights.len() as f64;
+        let mean_cos = mean_cos.max(gonio_optics::COS_FLOOR);
+        let weights = Weights::new(map, &view, &options.grid);
+        let sweep = Sweep::new(map, &view, &weights, white, mean_cos);
+        Self { key, view, weights, sweep, mean_cos }
+    }
+}
 
 /// Turns poses into a table, one after the other.
 pub struct Reducer {
@@ -43,8 +67,8 @@ pub struct Reducer {
     /// What is kept apart by spin and side, for the test of isotropy.
     azimuths: Azimuths,
     statistics: Vec<PoseStatistics>,
-    /// View and weights of the last tilt: all its spins share them.
-    last: Option<(i64, PoseView, Weights)>,
+    /// The last tilt: all its spins share what was built for it.
+    last: Option<Tilt>,
     sample: SampleRecord,
 }
 
@@ -118,42 +142,37 @@ impl Reducer {
                 limit_deg: self.options.row_tolerance_deg,
             });
         }
-        let (_, view, weights) = match self.last.take().filter(|l| l.0 == key) {
+        let tilt = match self.last.take().filter(|l| l.key == key) {
             Some(same) => self.last.insert(same),
             None => {
-                let view = self.map.view(pose);
-                let weights = Weights::new(&self.map, &view, &self.options.grid);
-                self.last.insert((key, view, weights))
+                self.last.insert(Tilt::new(key, &self.map, self.map.view(pose), &self.white, &self.options))
             }
         };
-        let merged = merge(record, &self.map, &self.sensor, &self.dark, &view.visible)?;
-        let light = Vec3::from_polar(view.theta_i, Angle::ZERO);
-        let lights = quadrature::cone(light, self.map.description().lamp.half_angle(), 4);
-        let mean_cos = lights.iter().map(|l| l.z.max(0.0)).sum::<f64>() / lights.len() as f64;
-        let mean_cos = mean_cos.max(gonio_optics::COS_FLOOR);
+        let swept = tilt.sweep.pose(record, &self.map, &self.sensor, &self.dark)?;
         let bins =
             Binning { azimuths: self.options.grid.phi_deg.len(), min_coverage: self.options.min_coverage };
-        let mut pixels = pixel_values(&self.map, view, &merged, &self.white, mean_cos);
-        let found = cells(weights, &pixels, &bins);
+        let found = cells(&tilt.weights, &swept.sums, &bins);
         // two thousandths of a degree are the encoders' rounding
         let off = Angle::from_degrees(if off < 2e-3 { 0.0 } else { off });
-        self.rows[ti].add(&found, off, merged.lamp_relative);
+        self.rows[ti].add(&found, off, swept.lamp_relative);
         // spin s turns the sample, so the light goes round it the other way; a tilt to the other side puts it opposite
         let phi_i =
             if record.readback.tilt.degrees() < 0.0 { 180.0 } else { 0.0 } - record.readback.spin.degrees();
-        self.azimuths.add(ti, phi_i, &side_cells(weights, &pixels, &bins));
+        self.azimuths.add(ti, phi_i, &side_cells(&tilt.weights, &swept.sums, &bins));
+        self.statistics.push(PoseStatistics::new(record, theta_i, &swept, &found, &self.options));
         if self.options.clear_coat != ClearCoat::None {
             let without = {
-                let hidden = coat::gloss::find(&self.map, view, &pixels, light, mean_cos);
+                let reached = &tilt.sweep.reached;
+                let hidden = coat::gloss::find(&self.map, &tilt.view, &swept.window, reached, tilt.mean_cos);
                 let first = self.options.grid.index(ti, 0, 0);
                 let share = &mut self.hidden[first..first + found.len()];
-                let out = without_gloss(weights, &mut pixels, &bins, &hidden, &found, share);
+                let out = without_gloss(tilt, swept.window, &bins, &hidden, &found, share);
                 self.gloss.extend(hidden.gloss);
                 out
             };
-            self.rows_without_gloss[ti].add(&without, off, merged.lamp_relative);
+            self.rows_without_gloss[ti].add(&without, off, swept.lamp_relative);
         }
-        self.statistics.push(PoseStatistics::new(record, theta_i, &merged, &found, &self.options));
+
         Ok(self.statistics.last())
     }
 
@@ -375,8 +394,8 @@ impl Reducer {
 
 /// The cells with the pixels under a gloss replaced by the base around it; `share` takes how much of each cell they were.
 fn without_gloss(
-    weights: &Weights,
-    pixels: &mut [PixelValue],
+    tilt: &Tilt,
+    mut pixels: Window,
     bins: &Binning,
     hidden: &coat::gloss::Hidden,
     found: &[Option<Cell>],
@@ -386,13 +405,19 @@ fn without_gloss(
     if hidden.pixels.is_empty() {
         return without;
     }
-    let mut under = vec![false; pixels.len()];
+    let mut under = hidden.pixels.clone();
+    under.sort_unstable();
     for (&p, &f) in hidden.pixels.iter().zip(&hidden.base) {
-        under[p as usize] = true;
-        pixels[p as usize] = PixelValue { f, shot: 0.0, read: 0.0, dark: 0.0, reference: 0.0 };
+        pixels.set(p as usize, PixelValue { f, shot: 0.0, read: 0.0, dark: 0.0, reference: 0.0 });
     }
     let sigma = hidden.gloss.as_ref().map_or([0.0; 3], |g| g.base_sigma);
-    for (cell, value, part) in cells_over(weights, pixels, bins, &under, found) {
+    for (cell, value, part) in cells_over(
+        &tilt.weights,
+        &|p| pixels.get(p),
+        bins,
+        &|p| under.binary_search(&(p as u32)).is_ok(),
+        &tilt.sweep.reached_cells,
+    ) {
         without[cell] = value.map(|mut v| {
             v.coat = sigma.map(|s| (part * s).powi(2));
             v

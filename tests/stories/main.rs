@@ -21,5 +21,6 @@ mod renderers;
 mod scenes;
 mod shaders;
 mod textures;
+mod turned_samples;
 mod two_optics_agree;
 mod wire;

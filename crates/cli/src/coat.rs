@@ -9,7 +9,9 @@ use gonio_render::report::{Block, Fact, Figure, Section, plus_minus, significant
 use serde_json::{Value, json};
 
 use crate::arguments::{ClearCoatName, CoatArguments};
+use crate::isotropy;
 use crate::outcome::Failure;
+use crate::results::Files;
 
 const KIND: &str = "clear_coat";
 const INDEX: &str = "coat_index";
@@ -84,13 +86,16 @@ pub struct Told {
     pub line: String,
     /// As JSON.
     pub json: Value,
+    /// What turning the sample showed, as JSON.
+    pub isotropy: Value,
 }
 
 impl Told {
     /// What the poses of a reducer say.
     #[must_use]
-    pub fn of(reducer: &Reducer) -> Self {
-        Self { line: line(reducer), json: to_json(reducer) }
+    pub fn of(reducer: &Reducer, files: &Files) -> Self {
+        let line = format!("{}\n{}", line(reducer), isotropy::line(reducer));
+        Self { line, json: to_json(reducer), isotropy: isotropy::to_json(reducer, files) }
     }
 }
 

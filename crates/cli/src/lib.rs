@@ -14,6 +14,7 @@ pub mod control;
 pub mod effect;
 pub mod exporting;
 pub mod fitting;
+pub mod isotropy;
 pub mod opening;
 pub mod outcome;
 pub mod output;

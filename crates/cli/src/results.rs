@@ -20,6 +20,8 @@ use crate::report::{self, Background};
 pub struct Files {
     /// Table.
     pub table: PathBuf,
+    /// Table over four angles, of a sample that looks different when turned.
+    pub azimuths: PathBuf,
     /// Model.
     pub model: PathBuf,
     /// Report.
@@ -34,6 +36,7 @@ impl Files {
     pub fn beside(path: &Path) -> Self {
         Self {
             table: beside(path, "nc"),
+            azimuths: beside(path, "azimuths.nc"),
             model: beside(path, "model.json"),
             report: beside(path, "report.html"),
             pictures: beside(path, "pictures"),
@@ -45,7 +48,7 @@ impl Files {
     /// # Errors
     /// [`Failure::Usage`] naming it.
     pub fn check_free(&self, force: bool) -> Result<(), Failure> {
-        for p in [&self.table, &self.model, &self.report] {
+        for p in [&self.table, &self.azimuths, &self.model, &self.report] {
             check_free(p, force)?;
         }
         if self.pictures.exists() && !force {

@@ -27,6 +27,29 @@ pub fn open(path: &std::path::Path) -> Result<Vec<Geometry>, FormatError> {
     super::read_file(path).and_then(|text| read(&text).map_err(|p| FormatError::new(path, p)))
 }
 
+/// The azimuth of the light on the sample (degrees) at each geometry: the column `phi_i_deg`, 0 where there is none. It matters for samples that look different
+/// when turned.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_azimuths(text: &[u8]) -> Result<Option<Vec<f64>>, Problem> {
+    let mut rows = Rows::new(text)?;
+    let Some(column) = rows.find("phi_i_deg") else { return Ok(None) };
+    let mut out = Vec::new();
+    while rows.advance()? {
+        out.push(rows.number(column, "a finite number of degrees", f64::is_finite)?);
+    }
+    Ok(Some(out))
+}
+
+/// [`read_azimuths`] on a file.
+///
+/// # Errors
+/// [`FormatError`] with the path.
+pub fn open_azimuths(path: &std::path::Path) -> Result<Option<Vec<f64>>, FormatError> {
+    super::read_file(path).and_then(|text| read_azimuths(&text).map_err(|p| FormatError::new(path, p)))
+}
+
 /// Geometries with the share that each has in a scene: the column `weight`, 1 each where there is none.
 ///
 /// # Errors

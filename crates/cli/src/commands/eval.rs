@@ -5,7 +5,7 @@ use std::path::Path;
 
 use gonio_brdf::Rgb;
 use gonio_brdf::formats::geometry_csv;
-use gonio_optics::Geometry;
+use gonio_optics::{Geometry, Vec3};
 use gonio_tailor::{Finding, Material, Representation, Standing};
 use serde_json::json;
 
@@ -35,12 +35,13 @@ pub fn run(a: &EvalArguments, printer: Printer) -> Result<Outcome, Failure> {
     output::check_apart(&a.output, &[Path::new(&a.input), &a.geometries])?;
     let material = effect::material(&a.input)?;
     let geometries = geometry_csv::open(&a.geometries).map_err(Failure::usage)?;
+    let azimuths = geometry_csv::open_azimuths(&a.geometries).map_err(Failure::usage)?;
     let (said, findings) = match representation {
-        Representation::Table => (as_it_is(&material, &geometries)?, Vec::new()),
+        Representation::Table => (as_it_is(&material, &geometries, azimuths.as_deref())?, Vec::new()),
         _ => as_other(a, &material, representation, &geometries)?,
     };
     effect::say(&findings);
-    let text = to_csv(&geometries, &said);
+    let text = to_csv(&geometries, azimuths.as_deref(), &said);
     output::write_whole(&a.output, text.as_bytes())?;
     let count = |s: Standing| said.iter().filter(|x| x.standing == Some(s)).count();
     let parts = [
@@ -65,15 +66,17 @@ pub fn run(a: &EvalArguments, printer: Printer) -> Result<Outcome, Failure> {
     Ok(Outcome::Done)
 }
 
-/// `theta_i_deg,theta_o_deg,phi_deg,r,g,b[,sigma_r,sigma_g,sigma_b][,flag]`.
-fn to_csv(geometries: &[Geometry], said: &[Said]) -> String {
+/// `theta_i_deg,theta_o_deg,phi_deg[,phi_i_deg],r,g,b[,sigma_r,sigma_g,sigma_b][,flag]`.
+fn to_csv(geometries: &[Geometry], azimuths: Option<&[f64]>, said: &[Said]) -> String {
     let (sigma, flag) = (said.iter().any(|s| s.sigma.is_some()), said.iter().any(|s| s.standing.is_some()));
-    let mut text = String::from("theta_i_deg,theta_o_deg,phi_deg,r,g,b");
+    let turned = if azimuths.is_some() { "phi_i_deg," } else { "" };
+    let mut text = format!("theta_i_deg,theta_o_deg,phi_deg,{turned}r,g,b");
     text.push_str(if sigma { ",sigma_r,sigma_g,sigma_b" } else { "" });
     text.push_str(if flag { ",flag\n" } else { "\n" });
-    for (g, s) in geometries.iter().zip(said) {
+    for (k, (g, s)) in geometries.iter().zip(said).enumerate() {
         let mut cells: Vec<String> =
             [g.theta_i, g.theta_o, g.phi].iter().map(|a| a.degrees().to_string()).collect();
+        cells.extend(azimuths.and_then(|a| a.get(k)).map(ToString::to_string));
         cells.extend(s.value.iter().map(ToString::to_string));
         if sigma {
             cells.extend(s.sigma.unwrap_or_default().iter().map(ToString::to_string));
@@ -87,7 +90,12 @@ fn to_csv(geometries: &[Geometry], said: &[Said]) -> String {
     text
 }
 
-fn as_it_is(material: &Material, geometries: &[Geometry]) -> Result<Vec<Said>, Failure> {
+/// `azimuths`: of the light on the sample, degrees, for samples that look different when turned.
+fn as_it_is(
+    material: &Material,
+    geometries: &[Geometry],
+    azimuths: Option<&[f64]>,
+) -> Result<Vec<Said>, Failure> {
     let brdf = material.brdf().ok_or_else(|| {
         Failure::usage(format!(
             "{} holds scattered geometries, nothing in between; use --as flake-map:K, or fit a model to it first",
@@ -95,12 +103,15 @@ fn as_it_is(material: &Material, geometries: &[Geometry]) -> Result<Vec<Said>, F
         ))
     })?;
     let map = material.flake_map();
-    let at = |g: &Geometry| {
+    let at = |(k, g): (usize, &Geometry)| {
+        let (sin, cos) = azimuths.and_then(|a| a.get(k)).map_or(0.0, |a| a.to_radians()).sin_cos();
+        let turn = |d: Vec3| Vec3::new(cos * d.x - sin * d.y, sin * d.x + cos * d.y, d.z);
         let (l, v) = g.directions();
+        let (l, v) = if sin == 0.0 && cos == 1.0 { (l, v) } else { (turn(l), turn(v)) };
         let standing = map.map(|m| m.standing(l, v).into());
         Said { value: brdf.eval(l, v), sigma: map.and_then(|m| m.sigma(l, v)), standing }
     };
-    Ok(geometries.iter().map(at).collect())
+    Ok(geometries.iter().enumerate().map(at).collect())
 }
 
 fn as_other(

@@ -10,7 +10,7 @@ use crate::arguments::ReplayArguments;
 use crate::outcome::{Failure, Outcome};
 use crate::output::{Printer, check_apart, check_free, shown};
 use crate::results::{self, Files, Story};
-use crate::{coat, fitting, progress, reduction, rig, textures};
+use crate::{coat, fitting, isotropy, progress, reduction, rig, textures};
 
 /// Reduces a session with the same code as a live scan: the same settings give the same bytes.
 ///
@@ -22,6 +22,7 @@ pub fn run(a: &ReplayArguments, printer: Printer) -> Result<Outcome, Failure> {
     }
     let files = Files { table: a.output.clone(), ..Files::beside(&a.output) };
     check_free(&a.output, a.force)?;
+    check_free(&files.azimuths, a.force)?;
     if a.fit.is_some() {
         files.check_free(a.force)?;
     }
@@ -44,13 +45,15 @@ pub fn run(a: &ReplayArguments, printer: Printer) -> Result<Outcome, Failure> {
     bar.finish_and_clear();
     coat::insist(&a.coat, &reduced.reducer)?;
     results::write_table(&files.table, &reduced.table)?;
+    isotropy::write_table(&reduced.reducer, &files)?;
     let mut text = format!(
-        "{} of {} poses, reference {}; written to {}\n{}\n",
+        "{} of {} poses, reference {}; written to {}\n{}\n{}\n",
         reduced.reducer.statistics().len(),
         session.pose_indices().count(),
         calibrated.session.display(),
         a.output.display(),
         coat::line(&reduced.reducer),
+        isotropy::line(&reduced.reducer),
     );
     let mut fitted = None;
     if let Some(model) = &a.fit {
@@ -77,7 +80,8 @@ pub fn run(a: &ReplayArguments, printer: Printer) -> Result<Outcome, Failure> {
         &text,
         &json!({
             "session": shown(&a.session), "output": shown(&a.output), "poses": reduced.reducer.statistics(), "lost": reduced.lost,
-            "reference": shown(&calibrated.session), "coat": coat::to_json(&reduced.reducer), "fit": fitted,
+            "reference": shown(&calibrated.session), "coat": coat::to_json(&reduced.reducer),
+            "isotropy": isotropy::to_json(&reduced.reducer, &files), "fit": fitted,
         }),
     );
     if reduced.lost.is_empty() { Ok(Outcome::Done) } else { Ok(Outcome::WithLoss(reduced.lost.join("; "))) }

@@ -23,7 +23,7 @@ use crate::reduction::{self, Calibrated};
 use crate::results::{self, Files, Story};
 use crate::rig::{self, Rig, Simulated};
 use crate::scanning::{self, Job, Recorded};
-use crate::{adaptive, continuing, fitting, signals, textures};
+use crate::{adaptive, continuing, fitting, isotropy, signals, textures};
 
 /// Poses that may wait for the reduction; at eight frames of 2.6 MB some 60 MB.
 const WAITING_POSES: usize = 3;
@@ -97,6 +97,7 @@ pub fn run(a: &ScanArguments, printer: Printer) -> Result<Outcome, Failure> {
             "poses_total": r.poses_total, "frames": r.frames, "link": r.link, "camera": camera_json(&r.camera_frames),
             "complete": matches!(verdict, Ok(Outcome::Done)),
             "coat": scanned.coat.as_ref().map(|c| &c.json),
+            "isotropy": scanned.coat.as_ref().map(|c| &c.isotropy),
             "fit": scanned.fit.as_ref().map(Fit::to_json),
             "files": scanned.files.as_ref().map(Files::to_json),
             "textures": slices.as_ref().map(textures::Slices::to_json),
@@ -353,7 +354,8 @@ fn conclude(
         lost: &lost,
     };
     results::write_all(files, &table, &fit, &story)?;
-    let told = Told::of(&reducer);
+    isotropy::write_table(&reducer, files)?;
+    let told = Told::of(&reducer, files);
     Ok(Scanned { recorded, fit: Some(fit), files: Some(files.clone()), coat: Some(told), lost })
 }
 

@@ -28,6 +28,7 @@ pub mod merge_white;
 pub mod optics;
 pub mod options;
 pub mod pixel_map;
+pub mod radiometry;
 pub mod reducer;
 pub mod reference;
 pub mod reference_plan;

@@ -18,6 +18,8 @@ use crate::lamp;
 use crate::merge::{check_frames, merge};
 use crate::options::{ClearCoat, Options};
 use crate::pixel_map::{PixelMap, PoseView};
+use crate::radiometry::stray::Stray;
+use crate::radiometry::{face, table_part};
 use crate::reference::WhiteReference;
 use crate::row::Row;
 use crate::sensor::Sensor;
@@ -33,6 +35,10 @@ pub struct Reducer {
     sensor: Sensor,
     dark_frames: DarkFrames,
     dark: DarkModel,
+    /// Takes stray light off, where the instrument's calibration knows of any.
+    stray: Option<Stray>,
+    /// What its own uncertainty leaves in f, row by row: sum of squares over poses, and their number.
+    stray_rows: Vec<([f64; 3], u32)>,
     rows: Vec<Row>,
     /// The same with the pixels of a gloss replaced by the base around it.
     rows_without_gloss: Vec<Row>,
@@ -62,10 +68,13 @@ impl Reducer {
             options.angle_uncertainty_deg = options.angle_uncertainty_deg.max(record.direction_deg());
         }
         let pixels = map.width() * map.height();
+        let sensor = Sensor::of(map.description(), &options);
         Ok(Self {
-            sensor: Sensor::new(&map.description().camera, options.saturation, &options.linearity),
             dark_frames: DarkFrames::default(),
-            dark: DarkModel::none(pixels),
+            dark: DarkFrames::default().model(&sensor, pixels),
+            sensor,
+            stray: Stray::of(&map),
+            stray_rows: vec![([0.0; 3], 0); options.grid.theta_i_deg.len()],
             rows: vec![Row::default(); options.grid.theta_i_deg.len()],
             rows_without_gloss: vec![Row::default(); options.grid.theta_i_deg.len()],
             hidden: vec![0.0; options.grid.len()],
@@ -122,7 +131,22 @@ impl Reducer {
                 self.last.insert((key, view, weights))
             }
         };
-        let merged = merge(record, &self.map, &self.sensor, &self.dark, &view.visible)?;
+        let mut merged = match &self.stray {
+            // the whole picture: light comes astray from pixels that do not see the sample, too
+            Some(_) => {
+                let all = vec![true; self.map.width() * self.map.height()];
+                merge(record, &self.map, &self.sensor, &self.dark, &all)?
+            }
+            None => merge(record, &self.map, &self.sensor, &self.dark, &view.visible)?,
+        };
+        let left = self.stray.as_ref().map(|s| s.correct(&mut merged.pixels, &self.map));
+        if left.is_some() {
+            for (m, visible) in merged.pixels.iter_mut().zip(&view.visible) {
+                if !visible {
+                    *m = crate::merge::Merged::INVALID;
+                }
+            }
+        }
         let light = Vec3::from_polar(view.theta_i, Angle::ZERO);
         let lights = quadrature::cone(light, self.map.description().lamp.half_angle(), 4);
         let mean_cos = lights.iter().map(|l| l.z.max(0.0)).sum::<f64>() / lights.len() as f64;
@@ -131,6 +155,14 @@ impl Reducer {
             Binning { azimuths: self.options.grid.phi_deg.len(), min_coverage: self.options.min_coverage };
         let mut pixels = pixel_values(&self.map, view, &merged, &self.white, mean_cos);
         let found = cells(weights, &pixels, &bins);
+        if let Some(left) = left {
+            let per_rate = table_part::per_rate(&self.white.scale, &view.visible, &self.map, mean_cos);
+            let (sum, n) = &mut self.stray_rows[ti];
+            for c in 0..3 {
+                sum[c] += (left[c] * per_rate[c]).powi(2);
+            }
+            *n += 1;
+        }
         // two thousandths of a degree are the encoders' rounding
         let off = Angle::from_degrees(if off < 2e-3 { 0.0 } else { off });
         self.rows[ti].add(&found, off, merged.lamp_relative);
@@ -147,6 +179,18 @@ impl Reducer {
         }
         self.statistics.push(PoseStatistics::new(record, theta_i, &merged, &found, &self.options));
         Ok(self.statistics.last())
+    }
+
+    /// Takes off what the camera's face threw back, and adds the part of σ that stray light leaves. A gloss of this index is not in the table.
+    fn take_off_returned(&self, m: &mut Measured, gloss_index: Option<f64>) {
+        let Some(stray) = &self.stray else { return };
+        let taken = stray.light().face.map(|k| {
+            let off = face::take_off(m, &self.map, k.value, gloss_index);
+            (off, k.sigma / k.value.abs().max(1e-12))
+        });
+        let rows: Vec<[f64; 3]> =
+            self.stray_rows.iter().map(|(s, n)| s.map(|v| (v / f64::from((*n).max(1))).sqrt())).collect();
+        table_part::add(m, &rows, taken.as_ref().map(|(t, r)| (t.as_slice(), *r)), self.white.stray_relative);
     }
 
     fn nearest_row(&self, theta_i: Angle) -> (usize, f64) {
@@ -234,6 +278,7 @@ impl Reducer {
             if filling {
                 fill(&mut m, limit);
             }
+            self.take_off_returned(&mut m, None);
             return (m, budget, count);
         };
         let (mut m, budget) = assemble(&self.options.grid, &self.rows_without_gloss, &common, limit);
@@ -243,6 +288,7 @@ impl Reducer {
         if filling && coat::flake_fill::fill(&mut m, &index, limit).is_err() {
             fill(&mut m, limit);
         }
+        self.take_off_returned(&mut m, Some(fit.index));
         let [two_way, single_pass] = coat::separate::bases(&m, &index);
         m.base = Some(two_way);
         m.base_single_pass = Some(single_pass);

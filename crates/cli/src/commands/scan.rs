@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::sync_channel;
 
 use gonio_acquisition::runner::FrameCounts;
-use gonio_acquisition::{Options, PixelMap, Reducer, geometry, reference_plan};
+use gonio_acquisition::{Options, PixelMap, Reducer, geometry, radiometry, reference_plan};
 use gonio_brdf::Measured;
 use gonio_fitter::Fit;
 use gonio_instrument::{Cancel, Certificate, Description, Plan, PoseRecord, SampleRecord, ScanKind};
@@ -155,6 +155,9 @@ pub fn scan(a: &ScanArguments, cancel: &Cancel) -> Result<Scanned, Failure> {
         // the texture camera needs its white at the very tilts of the textures
         (ScanKind::White, None) if !a.texture => reference_plan::white_plan(&map, &plan),
         (ScanKind::Dark, None) => reference_plan::dark_plan(&plan),
+        (ScanKind::Flat, None) => radiometry::plans::flat(&plan, &instrument),
+        (ScanKind::Black, None) => reference_plan::white_plan(&map, &plan),
+        (ScanKind::Trap, None) => radiometry::plans::trap(&plan),
         (ScanKind::BlackGlass, None) => geometry::plans::flat(&plan, instrument.holder.tilt_limits_deg),
         (ScanKind::BlackGlassWedge, None) => geometry::plans::wedge(&plan, instrument.holder.tilt_limits_deg),
         _ => plan,
@@ -435,9 +438,11 @@ fn certificate(a: &ScanArguments, kind: ScanKind, simulated: bool) -> Result<Opt
             .map(Some)
             .map_err(|e| Failure::usage(format!("certificate {}: {e}", path.display()))),
         (None, ScanKind::White, true) => Ok(Some(Certificate::virtual_white())),
-        (None, ScanKind::White, false) => Err(Failure::usage(
-            "a white reference needs its certificate: --certificate FILE, JSON with the keys of `gonio scan --help`",
-        )),
+        (None, ScanKind::Black, true) => Ok(Some(Certificate::virtual_black())),
+        (None, ScanKind::White | ScanKind::Black, false) => Err(Failure::usage(format!(
+            "a {} reference needs its certificate: --certificate FILE, JSON with the keys of `gonio scan --help`",
+            kind.name()
+        ))),
         _ => Ok(None),
     }
 }

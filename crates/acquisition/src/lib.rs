@@ -10,6 +10,7 @@
 pub mod bracket;
 pub mod budget;
 pub mod cells;
+pub mod closure;
 pub mod coat;
 pub mod dark;
 pub mod demand;

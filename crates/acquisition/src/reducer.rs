@@ -10,6 +10,7 @@ use gonio_instrument::{PoseRecord, SampleRecord};
 use gonio_optics::{Angle, Vec3, quadrature};
 
 use crate::cells::{Binning, Cell, PixelValue, cells, cells_over, pixel_values};
+use crate::closure::{self, Repeated};
 use crate::coat::{self, CoatFit, Gloss, Verdict};
 use crate::dark::{DarkFrames, DarkModel};
 use crate::error::AcquisitionError;
@@ -19,7 +20,7 @@ use crate::merge::{check_frames, merge};
 use crate::options::{ClearCoat, Options};
 use crate::pixel_map::{PixelMap, PoseView};
 use crate::radiometry::stray::Stray;
-use crate::radiometry::{face, table_part};
+use crate::radiometry::{chart, face, table_part};
 use crate::reference::WhiteReference;
 use crate::row::Row;
 use crate::sensor::Sensor;
@@ -46,6 +47,9 @@ pub struct Reducer {
     hidden: Vec<f32>,
     gloss: Vec<Gloss>,
     statistics: Vec<PoseStatistics>,
+    /// The first pose (tilt and spin, thousandths of a degree) with its cells, and what it gave once more.
+    first: Option<((i64, i64), Vec<Option<Cell>>)>,
+    repeated: Option<Repeated>,
     /// View and weights of the last tilt: all its spins share them.
     last: Option<(i64, PoseView, Weights)>,
     sample: SampleRecord,
@@ -80,6 +84,8 @@ impl Reducer {
             hidden: vec![0.0; options.grid.len()],
             gloss: Vec::new(),
             statistics: Vec::new(),
+            first: None,
+            repeated: None,
             last: None,
             map,
             white,
@@ -163,6 +169,17 @@ impl Reducer {
             }
             *n += 1;
         }
+        let place = (key, (record.readback.spin.degrees() * 1e3).round() as i64);
+        match &self.first {
+            // the first pose once more is a check, not another spin
+            Some((first, cells)) if *first == place => {
+                self.repeated = closure::repeated(cells, &found);
+                self.statistics.push(PoseStatistics::new(record, theta_i, &merged, &found, &self.options));
+                return Ok(self.statistics.last());
+            }
+            None => self.first = Some((place, found.clone())),
+            Some(_) => {}
+        }
         // two thousandths of a degree are the encoders' rounding
         let off = Angle::from_degrees(if off < 2e-3 { 0.0 } else { off });
         self.rows[ti].add(&found, off, merged.lamp_relative);
@@ -210,6 +227,24 @@ impl Reducer {
         &self.statistics
     }
 
+    /// What the first pose gave once more at the end, where the plan has it so.
+    #[must_use]
+    pub const fn repeated(&self) -> Option<Repeated> {
+        self.repeated
+    }
+
+    /// The white reference.
+    #[must_use]
+    pub const fn white(&self) -> &WhiteReference {
+        &self.white
+    }
+
+    /// Standard uncertainty of a direction.
+    #[must_use]
+    pub const fn angle_uncertainty(&self) -> Angle {
+        Angle::from_degrees(self.options.angle_uncertainty_deg)
+    }
+
     /// What each pose showed at the mirror direction, in the order they came; empty where no coat is looked for.
     #[must_use]
     pub fn gloss(&self) -> &[Gloss] {
@@ -240,6 +275,7 @@ impl Reducer {
     #[must_use]
     pub fn snapshot(&self) -> Measured {
         let mut m = self.table(false).0;
+        self.correct_colours(&mut m);
         // parts are for the finished table: a watcher of the scan has no use for megabytes a pose
         m.sigma_parts.clear();
         m.attributes = self.coat_attributes();
@@ -251,8 +287,16 @@ impl Reducer {
     pub fn finish(&self) -> Measured {
         let (mut m, budget, measured) = self.table(self.options.fill);
         crate::budget::complete(&mut m);
+        self.correct_colours(&mut m);
         m.attributes = self.attributes(&budget, measured);
         m
+    }
+
+    /// From the camera's channels to linear Rec. 709, where the calibration has a chart.
+    fn correct_colours(&self, m: &mut Measured) {
+        if let Some(c) = self.map.description().radiometry.as_ref().and_then(|r| r.colour.as_ref()) {
+            chart::take_through(m, &c.matrix);
+        }
     }
 
     /// Where the uncertainty of the measured cells comes from.
@@ -345,8 +389,15 @@ impl Reducer {
         put("units", "1/sr, without the cosine".to_owned());
         put(
             "conventions",
-            "phi = 0 on the light's side, 180 on the mirror side; linear RGB of the camera's channels"
-                .to_owned(),
+            match self.map.description().radiometry.as_ref().and_then(|r| r.colour.as_ref()) {
+                Some(_) => {
+                    "phi = 0 on the light's side, 180 on the mirror side; linear Rec. 709 through a matrix"
+                }
+                None => {
+                    "phi = 0 on the light's side, 180 on the mirror side; linear RGB of the camera's channels"
+                }
+            }
+            .to_owned(),
         );
         put("limit_deg", format!("{}", o.limit_deg));
         put("angle_uncertainty_deg", format!("{}", o.angle_uncertainty_deg));
@@ -370,6 +421,15 @@ impl Reducer {
             "degrees_of_freedom",
             if freedom.is_finite() { format!("{freedom:.0}") } else { "infinite".to_owned() },
         );
+        if let Some(r) = &self.map.description().radiometry {
+            put("radiometry_version", format!("{}", r.version));
+            put("radiometry_good", format!("{}", r.good));
+            if let Some(c) = &r.colour {
+                put("colour_matrix", format!("{:?}", c.matrix));
+                put("colour_delta_e_mean", format!("{:.3}", c.delta_e_mean));
+                put("colour_delta_e_max", format!("{:.3}", c.delta_e_max));
+            }
+        }
         if let Some(record) = &self.map.description().calibration_record {
             put("calibration_version", format!("{}", record.version));
             put("calibration_good", format!("{}", record.good));

@@ -353,9 +353,12 @@ pub struct ScanArguments {
 pub struct ReplayArguments {
     /// The recorded session
     pub session: PathBuf,
-    /// Sessions of the white reference; by default those found beside the session
+    /// Sessions of the white reference; by default those found beside the session. One of black glass beside it is checked against Fresnel's curve
     #[arg(long)]
     pub reference: Vec<PathBuf>,
+    /// Further sessions of the same sample, taken off and put back: their tables are held against this one's (closure check)
+    #[arg(long)]
+    pub remount: Vec<PathBuf>,
     /// Instrument description in place of the recorded one: TOML, or `reference` / `tiny`
     #[arg(long)]
     pub instrument: Option<String>,

@@ -31,6 +31,9 @@ pub struct Plan {
     /// Exposures to take at each pose in place of automatic bracketing, s; empty for automatic.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub exposure_s: Vec<f64>,
+    /// Whether the first pose is taken once more at the end: what it gives then shows what has changed meanwhile.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub repeat_first: bool,
 }
 
 fn format_name() -> String {
@@ -119,12 +122,17 @@ impl Plan {
         Ok(())
     }
 
-    /// Every pose in the order of the plan: all spins of a tilt before the next tilt.
+    /// Every pose in the order of the plan: all spins of a tilt before the next tilt, the first once more where the plan says so.
     #[must_use]
     pub fn poses(&self) -> Vec<Pose> {
-        self.tilt_deg
+        let mut poses: Vec<Pose> = self
+            .tilt_deg
             .iter()
             .flat_map(|&t| self.spin_deg.iter().map(move |&s| Pose::from_degrees(t, s)))
-            .collect()
+            .collect();
+        if self.repeat_first {
+            poses.extend(poses.first().copied());
+        }
+        poses
     }
 }

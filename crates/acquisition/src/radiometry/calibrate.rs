@@ -5,27 +5,25 @@ use std::sync::Arc;
 use gonio_brdf::Brdf;
 use gonio_instrument::radiometry::{FlatField, Haze, Known, LampStability, Radiometry, StrayLight};
 use gonio_instrument::{Certificate, Description, PoseRecord, ScanKind};
-use gonio_optics::{Angle, Vec3, quadrature};
 
 use super::RadiometryError;
 use super::dark_current::DarkSeries;
 use super::defects;
 use super::face_fit::{self, Seen};
-use super::gloss_scale::GlossSeries;
+use super::gloss_scale::{self, GlossSeries};
 use super::linearity::{self, Linearity};
 use super::photon_transfer::{self, PhotonTransfer};
 use super::series::{self, Level};
 use super::stray::Stray;
 use super::stray_fit::{self, Evidence};
-use crate::cells::pixel_values;
 use crate::error::AcquisitionError;
+use crate::lamp;
 use crate::merge::{MergedPose, check_frames};
 use crate::merge_white::Merger;
 use crate::options::Options;
 use crate::pixel_map::PixelMap;
 use crate::reference::{WhiteBuilder, WhiteReference, certified};
 use crate::sensor::Sensor;
-use crate::{coat, lamp};
 
 /// Largest θo of a pixel of a flat series, degrees: beyond, footprints reach past the spot.
 const FLAT_LIMIT_DEG: f64 = 65.0;
@@ -180,7 +178,7 @@ fn sensor(
     let levels = series::levels(record)?;
     let camera = &map.description().camera;
     let rough_gain = camera.electrons_per_count();
-    let (black, _, _) = dark.find(rough_gain);
+    let (black, _, _) = dark.find(Known::new(rough_gain, 0.0));
     let mut usable = lit_pixels(map, record);
     let seen = usable.iter().filter(|u| **u).count();
     if seen < FLAT_PIXELS {
@@ -196,7 +194,8 @@ fn sensor(
             reason: format!("{} levels are of use, and their variance does not grow with them", levels.len()),
         })?;
     let gain = transfer.electrons_per_count.iter().map(|g| g.value).sum::<f64>() / 3.0;
-    let (black, current, notes) = dark.find(gain);
+    let gain_sigma = transfer.electrons_per_count.iter().map(|g| g.sigma.powi(2)).sum::<f64>().sqrt() / 3.0;
+    let (black, current, notes) = dark.find(Known::new(gain, gain_sigma));
     out.notes.extend(notes);
     out.black_level = black;
     out.dark = current;
@@ -259,17 +258,14 @@ fn respond(
 
 /// The count at which the camera clips, and whether it was seen to.
 fn clip(levels: &[Level<'_>], top: u32) -> (u32, bool) {
-    let mut most = 0;
     for e in levels.iter().flat_map(|l| &l.lit) {
         let largest = e.frame.pixels.iter().copied().max().unwrap_or(0);
         let n = e.frame.pixels.iter().filter(|v| **v == largest).count();
-        most = most.max(u32::from(largest));
         if n as f64 > CLIPPED_SHARE * e.frame.pixels.len() as f64 && u32::from(largest) > top / 4 {
             return (u32::from(largest), true);
         }
     }
     // never clipped: only the converter's end is known
-    let _ = most;
     (top, false)
 }
 
@@ -301,6 +297,9 @@ fn merged<'a>(
         Err(e) => Some(Err(in_session(input, e))),
     })
 }
+
+/// A pose with its picture, what stray light left colour by colour, the lamp's scatter.
+type Corrected = (PoseRecord, MergedPose, [f64; 3], f64);
 
 /// Haze, glare, tails and the camera's own face; they are set in the description.
 fn stray_light(
@@ -367,11 +366,7 @@ fn stray_light(
         }
     }
     if let [Some((white, white_u)), Some((black, black_u))] = &brdfs {
-        let see = |kind: ScanKind,
-                   brdf: &'_ dyn Brdf,
-                   certificate: f64|
-         -> Result<Vec<(PoseRecord, MergedPose, [f64; 3], f64)>, RadiometryError> {
-            let _ = (brdf, certificate);
+        let see = |kind: ScanKind| -> Result<Vec<Corrected>, RadiometryError> {
             let Some(input) = inputs.iter().find(|i| i.kind == kind && i.certificate.is_some()) else {
                 return Ok(Vec::new());
             };
@@ -398,8 +393,8 @@ fn stray_light(
                     })
                     .collect()
             };
-        let white = as_seen(see(kinds[0], white.as_ref(), *white_u)?, white.as_ref(), *white_u);
-        let black = as_seen(see(kinds[1], black.as_ref(), *black_u)?, black.as_ref(), *black_u);
+        let white = as_seen(see(kinds[0])?, white.as_ref(), *white_u);
+        let black = as_seen(see(kinds[1])?, black.as_ref(), *black_u);
         light.face = face_fit::find(&white, &black, &map);
         if light.face.is_none() {
             notes.push(
@@ -447,7 +442,11 @@ fn references(
     let white = builder.finish().map_err(told)?;
     let mut gloss = GlossSeries::default();
     for input in inputs.iter().filter(|i| i.kind == ScanKind::BlackGlass) {
-        see_gloss(input, &map, &white, settings.index, &mut gloss)?;
+        let mut poses = (input.poses)();
+        gloss_scale::seen(&mut poses, &map, &white, &mut |g, values, view, mean_cos| {
+            gloss.add(g, values, &map, view, settings.index, mean_cos);
+        })
+        .map_err(|e| in_session(input, e))?;
     }
     let common = white.certificate_uncertainty.hypot(white.lamp_relative).hypot(white.stray_relative);
     let scale = gloss.finish(settings.index, common, d.lamp.half_angle_deg);
@@ -456,44 +455,12 @@ fn references(
     } else if scale.as_ref().is_some_and(|s| s.half_angle_deg.is_none()) {
         notes.push("the camera's pixels are too coarse to show the lamp's profile".to_owned());
     }
-    let spread = d.radiometry.as_ref().map_or(0.0, |r| r.linearity_sigma.iter().sum::<f64>());
-    let _ = spread;
     let flat = flat_field(&white, &map);
     let r = d.radiometry.get_or_insert_default();
     r.flat = Some(flat);
     r.gloss = scale;
     r.notes.extend(notes);
     Ok(gloss.points.iter().map(|p| [p.0.degrees(), p.1, p.2]).collect())
-}
-
-fn see_gloss(
-    input: &Input<'_>,
-    map: &Arc<PixelMap>,
-    white: &WhiteReference,
-    index: f64,
-    series: &mut GlossSeries,
-) -> Result<(), RadiometryError> {
-    let stray = Stray::of(map);
-    for pose in merged(input, map) {
-        let (record, mut m) = pose?;
-        if let Some(s) = &stray {
-            s.correct(&mut m.pixels, map);
-        }
-        let view = map.view(record.readback);
-        for (m, visible) in m.pixels.iter_mut().zip(&view.visible) {
-            if !visible {
-                *m = crate::merge::Merged::INVALID;
-            }
-        }
-        let light = Vec3::from_polar(view.theta_i, Angle::ZERO);
-        let lights = quadrature::cone(light, map.description().lamp.half_angle(), 4);
-        let mean_cos = lights.iter().map(|l| l.z.max(0.0)).sum::<f64>() / lights.len() as f64;
-        let values = pixel_values(map, &view, &m, white, mean_cos.max(gonio_optics::COS_FLOOR));
-        if let Some(g) = coat::gloss::find(map, &view, &values, light, mean_cos).gloss {
-            series.add(&g, &values, map, &view, index, mean_cos);
-        }
-    }
-    Ok(())
 }
 
 fn flat_field(white: &WhiteReference, map: &PixelMap) -> FlatField {

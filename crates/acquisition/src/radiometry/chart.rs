@@ -3,6 +3,7 @@
 //! First by least squares in linear colours, then by Gauss and Newton in Lab, where equal distances look more alike. What is left is told as CIEDE2000:
 //! a camera's sensitivities are no sums of the eye's, so something always is.
 
+use gonio_brdf::Measured;
 use gonio_instrument::radiometry::ColourCorrection;
 use gonio_optics::colour;
 use nalgebra::{DMatrix, DVector};
@@ -90,6 +91,19 @@ pub fn find(patches: &[Patch], chart: &str) -> Result<ColourCorrection, ChartErr
 #[must_use]
 pub fn apply(matrix: &[[f64; 3]; 3], rgb: [f64; 3]) -> [f64; 3] {
     matrix.map(|r| r[0] * rgb[0] + r[1] * rgb[1] + r[2] * rgb[2])
+}
+
+/// Takes a table through the matrix: values, σ and its parts, bases. Channels err on their own; what errs alike in all of them comes out a little small.
+pub fn take_through(m: &mut Measured, matrix: &[[f64; 3]; 3]) {
+    let value = |v: &mut [f32; 3]| *v = apply(matrix, v.map(f64::from)).map(|x| x as f32);
+    let squares = matrix.map(|r| r.map(|x| x * x));
+    let sigma =
+        |v: &mut [f32; 3]| *v = apply(&squares, v.map(|x| f64::from(x).powi(2))).map(|x| x.sqrt() as f32);
+    m.values.iter_mut().for_each(value);
+    m.sigma.iter_mut().for_each(sigma);
+    m.sigma_parts.values_mut().flatten().for_each(sigma);
+    m.base.iter_mut().flatten().for_each(value);
+    m.base_single_pass.iter_mut().flatten().for_each(value);
 }
 
 fn lab([l, a, b]: [f64; 3]) -> colour::Lab {

@@ -90,7 +90,8 @@ impl DarkSeries {
 
     /// Black level (counts) at the temperature of the largest group, and the dark current; what had to be assumed, in words.
     #[must_use]
-    pub fn find(&self, electrons_per_count: f64) -> (Known, DarkCurrent, Vec<String>) {
+    pub fn find(&self, gain: Known) -> (Known, DarkCurrent, Vec<String>) {
+        let electrons_per_count = gain.value;
         let mut notes = Vec::new();
         let mut groups: Vec<Vec<Mean>> = Vec::new();
         for m in &self.means {
@@ -124,6 +125,7 @@ impl DarkSeries {
             let logs: Vec<(f64, f64, f64)> = told
                 .iter()
                 .filter(|(_, l)| l.slope.value > 3.0 * l.slope.sigma)
+                // the gain is common to all temperatures
                 .map(|(t, l)| {
                     (*t, l.slope.value.log2(), l.slope.sigma / l.slope.value / std::f64::consts::LN_2)
                 })

@@ -70,8 +70,8 @@ fn over_hemisphere(f: impl Fn(Vec3) -> Rgb) -> Rgb {
     let [polar, around] = STEPS;
     let mut sum = [0.0; 3];
     for (x, wx) in gonio_optics::quadrature::gauss_legendre(polar) {
-        let theta = Angle::from_radians(0.25 * std::f64::consts::PI * (1.0 + x));
-        let step = 0.25 * std::f64::consts::PI * wx * theta.sin() * std::f64::consts::TAU / around as f64;
+        let theta = Angle::from_radians(std::f64::consts::FRAC_PI_2 * x);
+        let step = std::f64::consts::FRAC_PI_2 * wx * theta.sin() * std::f64::consts::TAU / around as f64;
         for j in 0..around {
             let phi = Angle::from_radians((j as f64 + 0.5) * std::f64::consts::TAU / around as f64);
             for (s, v) in sum.iter_mut().zip(f(Vec3::from_polar(theta, phi))) {

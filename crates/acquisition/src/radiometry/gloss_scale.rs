@@ -1,11 +1,20 @@
 //! Black glass against Fresnel's reflectance: the scale of a gloss, and the lamp's profile across its mirror image.
 
-use gonio_instrument::radiometry::{GlossScale, Known};
-use gonio_optics::{Angle, Vec3, fresnel};
+use std::sync::Arc;
 
-use crate::cells::PixelValue;
-use crate::coat::Gloss;
+use gonio_instrument::PoseRecord;
+use gonio_instrument::radiometry::{GlossScale, Known};
+use gonio_optics::{Angle, Vec3, fresnel, quadrature};
+
+use super::stray::Stray;
+use crate::cells::{PixelValue, pixel_values};
+use crate::coat::{self, Gloss};
+use crate::error::AcquisitionError;
+use crate::merge::Merged;
+use crate::merge_white::Merger;
+use crate::options::Options;
 use crate::pixel_map::{PixelMap, PoseView};
+use crate::reference::WhiteReference;
 
 /// Steps of the profile in units of α.
 const STEP: f64 = 0.1;
@@ -84,6 +93,53 @@ impl GlossSeries {
             profile,
         })
     }
+}
+
+/// What the poses of black glass show at the mirror direction, stray light taken off.
+///
+/// # Errors
+/// [`AcquisitionError`] for frames of another camera or a pose without light.
+pub fn glosses(
+    poses: &mut dyn Iterator<Item = PoseRecord>,
+    map: &Arc<PixelMap>,
+    white: &WhiteReference,
+) -> Result<Vec<Gloss>, AcquisitionError> {
+    let mut out = Vec::new();
+    seen(poses, map, white, &mut |g, _, _, _| out.push(g.clone()))?;
+    Ok(out)
+}
+
+/// Calls `found` with the gloss of each pose, the values of its pixels, its view and the mean of cos θ' over the lamp.
+pub(crate) fn seen(
+    poses: &mut dyn Iterator<Item = PoseRecord>,
+    map: &Arc<PixelMap>,
+    white: &WhiteReference,
+    found: &mut dyn FnMut(&Gloss, &[PixelValue], &PoseView, f64),
+) -> Result<(), AcquisitionError> {
+    let stray = Stray::of(map);
+    let all = vec![true; map.width() * map.height()];
+    let mut merger = Merger::new(map.clone(), &Options::default());
+    for record in poses {
+        let Some((mut m, _)) = merger.add(&record, &all)? else { continue };
+        if let Some(s) = &stray {
+            s.correct(&mut m.pixels, map);
+        }
+        let view = map.view(record.readback);
+        for (m, visible) in m.pixels.iter_mut().zip(&view.visible) {
+            if !visible {
+                *m = Merged::INVALID;
+            }
+        }
+        let light = Vec3::from_polar(view.theta_i, Angle::ZERO);
+        let lights = quadrature::cone(light, map.description().lamp.half_angle(), 4);
+        let mean_cos = lights.iter().map(|l| l.z.max(0.0)).sum::<f64>() / lights.len() as f64;
+        let mean_cos = mean_cos.max(gonio_optics::COS_FLOOR);
+        let values = pixel_values(map, &view, &m, white, mean_cos);
+        if let Some(g) = coat::gloss::find(map, &view, &values, light, mean_cos).gloss {
+            found(&g, &values, &view, mean_cos);
+        }
+    }
+    Ok(())
 }
 
 /// Where the profile falls through half of its inner level, in units of α.

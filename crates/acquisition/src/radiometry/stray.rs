@@ -153,7 +153,7 @@ fn kernel(sigma: f64) -> Vec<f64> {
     let reach = (4.0 * sigma).ceil().max(1.0) as usize;
     let points = gonio_optics::quadrature::gauss_legendre(4);
     let mut half: Vec<f64> = (0..=reach)
-        .map(|k| points.iter().map(|(x, w)| w * (-0.5 * ((k as f64 + 0.5 * x) / sigma).powi(2)).exp()).sum())
+        .map(|k| points.iter().map(|(x, w)| w * (-0.5 * ((k as f64 + x - 0.5) / sigma).powi(2)).exp()).sum())
         .collect();
     let sum = 2.0 * half.iter().sum::<f64>() - half[0];
     half.iter_mut().for_each(|v| *v /= sum);

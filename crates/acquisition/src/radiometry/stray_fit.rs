@@ -12,11 +12,16 @@ use crate::merge::Merged;
 use crate::pixel_map::{PixelMap, PoseView};
 
 /// Tiles about a gloss that belong to it beyond the lamp's image.
-const GLOSS_MARGIN: usize = 3;
+const GLOSS_MARGIN: usize = 2;
 /// Tiles out to which the surroundings of a gloss are looked at.
 const GLOSS_REACH: usize = 40;
 /// Error of the model's own, relative: what tiles and four Gaussians cannot tell.
 const OWN_ERROR: f64 = 0.03;
+
+/// Step of the width when it is searched at last.
+const STEP: f64 = 1.06;
+/// A tile that differs from the model by more than so many standard deviations, and by half of it, is no tile without light of its own.
+const STRANGE: f64 = 5.0;
 
 /// What one pose shows of stray light.
 #[derive(Clone, Debug)]
@@ -41,7 +46,7 @@ pub struct Found {
     pub tail_radius_mm: f64,
     /// Whether a gloss was among the evidence.
     pub from_gloss: bool,
-    /// For the picture: seen over mean and the model, of the blind tiles, by their distance (tiles) from the nearest light.
+    /// For the picture: of the blind tiles what the model says, what is seen (both over the picture's mean) and how many tiles.
     pub profile: Vec<[f64; 3]>,
 }
 
@@ -94,16 +99,17 @@ impl Evidence {
         Some(Self { seen, variance, at, constant: true })
     }
 
-    /// Tiles that take part.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        self.at.len()
-    }
-
-    /// Whether none does.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.at.is_empty()
+    /// Drops tiles that see light of their own after all: edges that are not where they should be.
+    fn without_strangers(&mut self, shares: [f64; 2], sigma: f64) {
+        let (mean, tails) = (self.seen.mean(), self.seen.tails(sigma));
+        let keep = |i: &usize| {
+            let model = shares[0] * mean + shares[1] * tails.values[*i];
+            (self.seen.values[*i] - model).abs() <= 0.5 * model.abs() + STRANGE * self.variance[*i].sqrt()
+        };
+        if !self.constant {
+            let kept: Vec<usize> = self.at.iter().copied().filter(keep).collect();
+            self.at = kept;
+        }
     }
 
     /// Normal equations of (g, ε), and the sum of squares of what is seen.
@@ -179,72 +185,95 @@ impl Normal {
     }
 }
 
+/// Glare and tail at a width, and the sum of squares left.
+fn shares_at(evidence: &[Evidence], start: [f64; 2], sigma: f64, rounds: usize) -> Option<([f64; 2], f64)> {
+    let mut shares = start;
+    let mut left = f64::INFINITY;
+    // the light before it went astray changes with the shares
+    for _ in 0..rounds {
+        let (x, rest) = sum_of(evidence, shares, sigma).solve()?;
+        shares = [x[0].clamp(-0.02, 0.3), x[1].clamp(-0.02, 0.3)];
+        left = rest;
+    }
+    Some((shares, left))
+}
+
+fn sum_of(evidence: &[Evidence], shares: [f64; 2], sigma: f64) -> Normal {
+    evidence.iter().fold(Normal::default(), |s, e| s.plus(e.normal(shares, sigma)))
+}
+
 /// Finds glare and tail; `None` without any evidence.
 #[must_use]
 pub fn find(evidence: &[Evidence], map: &PixelMap) -> Option<Found> {
-    let evidence: Vec<&Evidence> = evidence.iter().filter(|e| e.len() >= 10).collect();
+    let mut evidence: Vec<Evidence> = evidence.iter().filter(|e| e.at.len() >= 10).cloned().collect();
     if evidence.is_empty() {
         return None;
     }
-    let per_tile_mm = 2e-3 * map.description().camera.pitch_um;
-    let sum = |shares: [f64; 2], sigma: f64| {
-        evidence.iter().fold(Normal::default(), |s, e| s.plus(e.normal(shares, sigma)))
-    };
     let mut shares = [0.0; 2];
     let mut sigma = 2.0f64;
-    for round in 0..3 {
-        let left = |sigma: f64| sum(shares, sigma).solve().map_or(f64::INFINITY, |s| s.1);
+    for round in 0..4 {
         // a grid first, then ever finer about the best
-        let grid: Vec<f64> = if round == 0 {
-            (0..13).map(|k| 0.25 * 1.6f64.powi(k)).filter(|s| *s < 0.12 * map.width() as f64).collect()
-        } else {
-            (-3..=3).map(|k| sigma * 1.12f64.powi(k)).collect()
+        let grid: Vec<f64> = match round {
+            0 => (0..13).map(|k| 0.25 * 1.6f64.powi(k)).filter(|s| *s < 0.12 * map.width() as f64).collect(),
+            1 => (-3..=3).map(|k| sigma * 1.15f64.powi(k)).collect(),
+            _ => (-2..=2).map(|k| sigma * STEP.powi(k)).collect(),
         };
-        sigma = grid.iter().copied().map(|s| (left(s), s)).min_by(|a, b| a.0.total_cmp(&b.0))?.1;
-        let (x, _) = sum(shares, sigma).solve()?;
-        shares = [x[0].clamp(-0.02, 0.3), x[1].clamp(-0.02, 0.3)];
+        let tried = grid.iter().filter_map(|s| Some((shares_at(&evidence, shares, *s, 2)?, *s)));
+        let ((found, _), best) = tried.min_by(|a, b| a.0.1.total_cmp(&b.0.1))?;
+        (shares, sigma) = (found, best);
+        if round < 2 {
+            evidence.iter_mut().for_each(|e| e.without_strangers(shares, sigma));
+        }
     }
-    // the light before it went astray changes with the shares: a few more rounds at the width found
-    for _ in 0..3 {
-        let (x, _) = sum(shares, sigma).solve()?;
-        shares = [x[0].clamp(-0.02, 0.3), x[1].clamp(-0.02, 0.3)];
-    }
+    let (shares, left) = shares_at(&evidence, shares, sigma, 4)?;
     let parts: Vec<Normal> = evidence.iter().map(|e| e.normal(shares, sigma)).collect();
     let all = parts.iter().fold(Normal::default(), |s, p| s.plus(*p));
-    let (_, left) = all.solve()?;
-    let covariance =
-        all.n.try_inverse().unwrap_or_else(Matrix2::zeros) * (left / (all.count - 2.0).max(1.0)).max(1.0);
-    let mut spread = Vector2::<f64>::zeros();
-    let n = parts.len() as f64;
-    if parts.len() > 1 {
-        let without: Vec<Vector2<f64>> = (0..parts.len())
-            .filter_map(|k| {
-                let rest = parts.iter().enumerate().filter(|(j, _)| *j != k);
-                rest.fold(Normal::default(), |s, (_, p)| s.plus(*p)).solve().map(|s| s.0)
-            })
-            .collect();
-        let mean = without.iter().fold(Vector2::zeros(), |s: Vector2<f64>, v| s + v) / without.len() as f64;
-        spread = without.iter().fold(Vector2::zeros(), |s, v| s + (v - mean).component_mul(&(v - mean)))
-            * ((n - 1.0) / n);
-    }
-    let known = |k: usize| Known::new(shares[k], covariance[(k, k)].max(spread[k]).max(0.0).sqrt());
+    let scatter = (left / (all.count - 3.0).max(1.0)).max(1.0);
+    let covariance = all.n.try_inverse().unwrap_or_else(Matrix2::zeros) * scatter;
+    let leaving_out = jackknife(&parts);
+    // a share goes with its width, which is no better known than the sum of squares is curved
+    let beside =
+        [1.0 / STEP, STEP].map(|f| shares_at(&evidence, shares, sigma * f, 4).unwrap_or((shares, left)));
+    let curvature = (0.5 * (beside[0].1 + beside[1].1) - left).max(0.0) / scatter;
+    let steps = if curvature > 0.0 { curvature.recip().sqrt().min(10.0) } else { 10.0 };
+    let by_width = [0, 1].map(|k| 0.5 * (beside[1].0[k] - beside[0].0[k]) * steps);
+    let known = |k: usize| {
+        let own = covariance[(k, k)].max(leaving_out[k]).max(0.0);
+        Known::new(shares[k], (own + by_width[k] * by_width[k]).sqrt())
+    };
     Some(Found {
         glare: known(0),
         tail_share: known(1),
-        tail_radius_mm: sigma * per_tile_mm,
+        tail_radius_mm: sigma * 2e-3 * map.description().camera.pitch_um,
         from_gloss: evidence.iter().any(|e| e.constant),
         profile: profile(&evidence, shares, sigma),
     })
 }
 
-fn profile(evidence: &[&Evidence], shares: [f64; 2], sigma: f64) -> Vec<[f64; 3]> {
+/// Variances of (g, ε) by leaving out one pose after the other.
+fn jackknife(parts: &[Normal]) -> Vector2<f64> {
+    let without: Vec<Vector2<f64>> = (0..parts.len())
+        .filter_map(|k| {
+            let rest = parts.iter().enumerate().filter(|(j, _)| *j != k);
+            rest.fold(Normal::default(), |s, (_, p)| s.plus(*p)).solve().map(|s| s.0)
+        })
+        .collect();
+    let n = without.len() as f64;
+    if without.len() < 2 {
+        return Vector2::zeros();
+    }
+    let mean = without.iter().fold(Vector2::zeros(), |s: Vector2<f64>, v| s + v) / n;
+    without.iter().fold(Vector2::zeros(), |s, v| s + (v - mean).component_mul(&(v - mean))) * ((n - 1.0) / n)
+}
+
+fn profile(evidence: &[Evidence], shares: [f64; 2], sigma: f64) -> Vec<[f64; 3]> {
     let mut bins: std::collections::BTreeMap<usize, [f64; 3]> = std::collections::BTreeMap::new();
     for e in evidence.iter().filter(|e| !e.constant) {
         let (mean, tails) = (e.seen.mean(), e.seen.tails(sigma));
-        // distance in rings of light around, from the share of light in the neighbourhood: the model itself orders the tiles
+        // the model itself orders the tiles
         for &i in &e.at {
             let model = (shares[0] * mean + shares[1] * tails.values[i]) / mean;
-            let bin = bins.entry((model * 2e4) as usize).or_default();
+            let bin = bins.entry((model.max(0.0) * 2e3) as usize).or_default();
             for (b, v) in bin.iter_mut().zip([1.0, model, e.seen.values[i] / mean]) {
                 *b += v;
             }
@@ -300,7 +329,7 @@ fn distance_from(tiles: &Tiles, marked: impl Fn(usize) -> bool, map: &PixelMap) 
     out
 }
 
-/// The haze of a merged pose of a trap: robust means on a coarse grid. `expected` is the picture's own glare and tails, left in: a trap sends no light.
+/// The haze of a merged pose of a trap: robust means on a coarse grid. Its own glare and tails stay in it: it is taken off before them.
 #[must_use]
 pub fn haze(merged: &[Merged], map: &PixelMap) -> Haze {
     let across = 20u32.min(map.width() as u32 / 8);

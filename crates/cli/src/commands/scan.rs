@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::sync_channel;
 
+use gonio_acquisition::closure::Check;
 use gonio_acquisition::runner::FrameCounts;
 use gonio_acquisition::{Options, PixelMap, Reducer, geometry, radiometry, reference_plan};
 use gonio_brdf::Measured;
@@ -23,7 +24,7 @@ use crate::reduction::{self, Calibrated};
 use crate::results::{self, Files, Story};
 use crate::rig::{self, Rig, Simulated};
 use crate::scanning::{self, Job, Recorded};
-use crate::{adaptive, continuing, fitting, signals, textures};
+use crate::{adaptive, closure, continuing, fitting, signals, textures};
 
 /// Poses that may wait for the reduction; at eight frames of 2.6 MB some 60 MB.
 const WAITING_POSES: usize = 3;
@@ -38,6 +39,8 @@ pub struct Scanned {
     pub files: Option<Files>,
     /// What was found of a clear coat, with `--fit`.
     pub coat: Option<Told>,
+    /// Closure checks, with `--fit`.
+    pub closure: Vec<Check>,
     /// What the table is without, in words: poses of sample or reference that could not be used.
     pub lost: Vec<String>,
 }
@@ -71,6 +74,7 @@ pub fn run(a: &ScanArguments, printer: Printer) -> Result<Outcome, Failure> {
             fit.status.name(),
             fitting::parameter_lines(fit)
         );
+        text += &closure::lines(&scanned.closure);
         text += &scanned.coat.iter().map(|c| format!("{}\n", c.line)).collect::<String>();
         text += &format!("report: {}\n", files.report.display());
     }
@@ -98,6 +102,7 @@ pub fn run(a: &ScanArguments, printer: Printer) -> Result<Outcome, Failure> {
             "complete": matches!(verdict, Ok(Outcome::Done)),
             "coat": scanned.coat.as_ref().map(|c| &c.json),
             "fit": scanned.fit.as_ref().map(Fit::to_json),
+            "closure": closure::to_json(&scanned.closure),
             "files": scanned.files.as_ref().map(Files::to_json),
             "textures": slices.as_ref().map(textures::Slices::to_json),
         }),
@@ -221,7 +226,14 @@ pub fn scan(a: &ScanArguments, cancel: &Cancel) -> Result<Scanned, Failure> {
                 model,
                 &files,
             ),
-            _ => Ok(Scanned { recorded, fit: None, files: None, coat: None, lost: Vec::new() }),
+            _ => Ok(Scanned {
+                recorded,
+                fit: None,
+                files: None,
+                coat: None,
+                closure: Vec::new(),
+                lost: Vec::new(),
+            }),
         };
     }
     let mut rig =
@@ -250,7 +262,14 @@ pub fn scan(a: &ScanArguments, cancel: &Cancel) -> Result<Scanned, Failure> {
                 asking,
             )?;
             if reducer.statistics().is_empty() {
-                return Ok(Scanned { recorded, fit: None, files: None, coat: None, lost: Vec::new() });
+                return Ok(Scanned {
+                    recorded,
+                    fit: None,
+                    files: None,
+                    coat: None,
+                    closure: Vec::new(),
+                    lost: Vec::new(),
+                });
             }
             conclude(&job, recorded, reducer, lost, calibrated, &options, model, &files)
         }
@@ -259,7 +278,14 @@ pub fn scan(a: &ScanArguments, cancel: &Cancel) -> Result<Scanned, Failure> {
         }
         _ => {
             let recorded = scanning::record(&job, &mut rig, &map, cancel, control.as_ref(), &mut |_| {})?;
-            Ok(Scanned { recorded, fit: None, files: None, coat: None, lost: Vec::new() })
+            Ok(Scanned {
+                recorded,
+                fit: None,
+                files: None,
+                coat: None,
+                closure: Vec::new(),
+                lost: Vec::new(),
+            })
         }
     }
 }
@@ -306,7 +332,14 @@ fn with_fit(
         recorded
     })?;
     if reducer.statistics().is_empty() {
-        return Ok(Scanned { recorded, fit: None, files: None, coat: None, lost: Vec::new() });
+        return Ok(Scanned {
+            recorded,
+            fit: None,
+            files: None,
+            coat: None,
+            closure: Vec::new(),
+            lost: Vec::new(),
+        });
     }
     conclude(job, recorded, reducer, lost, calibrated, options, model, files)
 }
@@ -334,6 +367,7 @@ fn conclude(
         reducer.finish()
     };
     let fit = results::fit(&table, model)?;
+    let checks = closure::checks(&table, &reducer, calibrated, &[]);
     let story = Story {
         sample: &job.sample,
         instrument: &job.instrument.name,
@@ -353,11 +387,19 @@ fn conclude(
             ),
         ],
         coat: coat::section(&reducer),
+        closure: &checks,
         lost: &lost,
     };
     results::write_all(files, &table, &fit, &story)?;
     let told = Told::of(&reducer);
-    Ok(Scanned { recorded, fit: Some(fit), files: Some(files.clone()), coat: Some(told), lost })
+    Ok(Scanned {
+        recorded,
+        fit: Some(fit),
+        files: Some(files.clone()),
+        coat: Some(told),
+        closure: checks,
+        lost,
+    })
 }
 
 /// The white reference of the virtual instrument: the one beside the output if it is of the same virtual instrument, else a new one.

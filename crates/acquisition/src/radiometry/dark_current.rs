@@ -125,7 +125,6 @@ impl DarkSeries {
             let logs: Vec<(f64, f64, f64)> = told
                 .iter()
                 .filter(|(_, l)| l.slope.value > 3.0 * l.slope.sigma)
-                // the gain is common to all temperatures
                 .map(|(t, l)| {
                     (*t, l.slope.value.log2(), l.slope.sigma / l.slope.value / std::f64::consts::LN_2)
                 })

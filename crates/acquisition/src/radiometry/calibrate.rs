@@ -253,7 +253,8 @@ fn respond(
     };
     let signal: Vec<f32> =
         mean.iter().zip(usable).map(|(m, u)| if *u { m - black as f32 } else { f32::NAN }).collect();
-    Ok(defects::find(&signal, map, 1.0 / (electrons_per_count * level.lit.len() as f64)))
+    let per_signal = 1.0 / (electrons_per_count * level.lit.len() as f64);
+    Ok(defects::find(&signal, map, |p| per_signal / f64::from(signal[p]).max(1.0)))
 }
 
 /// The count at which the camera clips, and whether it was seen to.
@@ -480,9 +481,7 @@ fn flat_field(white: &WhiteReference, map: &PixelMap) -> FlatField {
         v.sort_unstable_by(f64::total_cmp);
         v.get(v.len() / 2).copied().unwrap_or(0.0)
     });
-    // the spread of k about its surroundings, less what its noise makes: variance per value = relative · value at the usual value
-    let usual = scale.iter().sum::<f64>() / 3.0;
-    let response = defects::find(&signal, map, relative * usual);
+    let response = defects::find(&signal, map, |p| f64::from(white.relative_variance[p]));
     FlatField {
         serial: white.serial.clone(),
         scale,

@@ -114,8 +114,10 @@ impl DarkSeries {
             );
             return (Known::new(m, 1.0), DarkCurrent::default(), notes);
         };
-        let known =
-            |l: &Line| Known::new(l.slope.value * electrons_per_count, l.slope.sigma * electrons_per_count);
+        let known = |l: &Line| {
+            let current = l.slope.value * gain.value;
+            Known::new(current, (l.slope.sigma * gain.value).hypot(current * gain.sigma / gain.value))
+        };
         let mut told: Vec<(f64, &Line)> =
             lines.iter().filter_map(|l| l.temperature_c.map(|t| (t, l))).collect();
         told.sort_by(|a, b| a.0.total_cmp(&b.0));

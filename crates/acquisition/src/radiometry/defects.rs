@@ -20,10 +20,10 @@ pub struct Response {
     pub spread: Known,
 }
 
-/// Judges the mean `signal` (linear counts above black) of well exposed frames, NaN where a pixel is not to be judged. `variance_per_signal` is the
-/// variance of that mean over its value: what noise makes of the spread.
+/// Judges the mean `signal` (linear in the light) of well exposed frames, NaN where a pixel is not to be judged. `noise` is the relative variance of a
+/// pixel's signal.
 #[must_use]
-pub fn find(signal: &[f32], map: &PixelMap, variance_per_signal: f64) -> Response {
+pub fn find(signal: &[f32], map: &PixelMap, noise: impl Fn(usize) -> f64) -> Response {
     let (w, h) = (map.width(), map.height());
     let even = |p: usize| {
         let e = map.optics().etendue((p % w) as f64 + 0.5, (p / w) as f64 + 0.5);
@@ -31,7 +31,7 @@ pub fn find(signal: &[f32], map: &PixelMap, variance_per_signal: f64) -> Respons
     };
     let flat: Vec<f64> = (0..w * h).map(even).collect();
     let mut dead = Vec::new();
-    let (mut n, mut square, mut noise) = (0.0, 0.0, 0.0);
+    let (mut n, mut square, mut shaken) = (0.0, 0.0, 0.0);
     for p in (0..w * h).filter(|&p| flat[p].is_finite()) {
         let (x, y) = (p % w, p / w);
         let mut around: Vec<f64> = Vec::with_capacity(8);
@@ -58,13 +58,13 @@ pub fn find(signal: &[f32], map: &PixelMap, variance_per_signal: f64) -> Respons
             let mean = around.iter().sum::<f64>() / 8.0;
             n += 1.0;
             square += (flat[p] / mean - 1.0).powi(2);
-            noise += variance_per_signal / f64::from(signal[p]).max(1.0);
+            shaken += noise(p);
         }
     }
     // the mean of eight neighbours has an eighth of one's variance
     let (n, own) = (f64::max(n, 1.0), 9.0 / 8.0);
     let total = square / n / own;
-    let spread2 = (total - noise / n).max(0.0);
+    let spread2 = (total - shaken / n).max(0.0);
     let spread = spread2.sqrt();
     let sigma = total * (2.0 / n).sqrt() / (2.0 * spread.max((total * (2.0 / n).sqrt()).sqrt()));
     Response { dead, spread: Known::new(spread, sigma) }

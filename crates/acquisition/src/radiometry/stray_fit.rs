@@ -239,7 +239,9 @@ pub fn find(evidence: &[Evidence], map: &PixelMap) -> Option<Found> {
     let by_width = [0, 1].map(|k| 0.5 * (beside[1].0[k] - beside[0].0[k]) * steps);
     let known = |k: usize| {
         let own = covariance[(k, k)].max(leaving_out[k]).max(0.0);
-        Known::new(shares[k], (own + by_width[k] * by_width[k]).sqrt())
+        // the model's own error is the same in all tiles
+        let common = OWN_ERROR * shares[k];
+        Known::new(shares[k], (own + by_width[k] * by_width[k] + common * common).sqrt())
     };
     Some(Found {
         glare: known(0),

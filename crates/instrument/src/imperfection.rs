@@ -73,3 +73,26 @@ impl Imperfections {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Misalignment;
+
+    #[test]
+    fn a_misalignment_file_holds_them_and_nonsense_is_named() {
+        let read = |text: &str| Misalignment::from_toml(&format!("[radiometry]\n{text}"));
+        let m = read("compression = 0.02\nambient_c = 31.0").expect("sound");
+        let wanted = Imperfections { compression: 0.02, ambient_c: Some(31.0), ..Imperfections::default() };
+        assert_eq!(m.radiometry, Some(wanted));
+        for (text, word) in [
+            ("veiling_glare = 0.9", "veiling_glare"),
+            ("dark_doubling_k = nan", "dark_doubling_k"),
+            ("glow = 1", "glow"),
+        ] {
+            let e = read(text).expect_err(text).to_string();
+            assert!(e.contains(word), "{e}");
+        }
+        assert_eq!(Misalignment::from_toml("").expect("sound").radiometry, None);
+    }
+}

@@ -246,3 +246,42 @@ impl Radiometry {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Description, builtin};
+
+    fn sound() -> Radiometry {
+        Radiometry {
+            version: 2,
+            electrons_per_count: [Known::new(2.5, 0.01); 3],
+            black_level: Known::new(64.2, 0.01),
+            clipped_at: 4095,
+            linearity: vec![1.0, 0.01],
+            ..Radiometry::default()
+        }
+    }
+
+    #[test]
+    fn it_survives_in_a_description_and_nonsense_is_named() {
+        let mut d = builtin::description("tiny").expect("known").expect("readable");
+        d.radiometry = Some(sound());
+        let text = d.to_toml().expect("writable");
+        assert_eq!(Description::from_toml(&text).expect("readable"), d);
+        let stray =
+            StrayLight { haze: Some(Haze { tiles: [2, 2], ..Haze::default() }), ..StrayLight::default() };
+        let none = [Known::new(0.0, 0.0); 3];
+        for (bad, word) in [
+            (Radiometry { electrons_per_count: none, ..sound() }, "electrons_per_count"),
+            (Radiometry { linearity: Vec::new(), ..sound() }, "linearity"),
+            (Radiometry { clipped_at: 10, ..sound() }, "black_level"),
+            (Radiometry { hot: vec![1 << 30], ..sound() }, "hot"),
+            (Radiometry { stray: Some(stray), ..sound() }, "haze"),
+        ] {
+            d.radiometry = Some(bad);
+            let e = Description::from_toml(&d.to_toml().expect("writable")).expect_err(word).to_string();
+            assert!(e.contains(word), "{e}");
+        }
+    }
+}

@@ -2,6 +2,8 @@
 
 use gonio_instrument::{Description, Plan};
 
+use crate::reference_plan::bracketed;
+
 /// Exposures of a flat series.
 const EXPOSURES: usize = 14;
 /// Shortest and longest of them, s, as far as the camera can.
@@ -25,7 +27,7 @@ pub fn flat(sample: &Plan, instrument: &Description) -> Plan {
         max_exposures: 2 * EXPOSURES as u32,
         repeats: 2,
         exposure_s,
-        ..sample.clone()
+        ..bracketed(sample)
     }
 }
 
@@ -33,5 +35,27 @@ pub fn flat(sample: &Plan, instrument: &Description) -> Plan {
 #[must_use]
 pub fn trap(sample: &Plan) -> Plan {
     let tilt = sample.tilt_deg.first().copied().unwrap_or(0.0);
-    Plan { tilt_deg: vec![tilt], spin_deg: vec![0.0], repeats: 4, ..sample.clone() }
+    Plan { tilt_deg: vec![tilt], spin_deg: vec![0.0], repeats: 4, ..bracketed(sample) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use gonio_instrument::builtin;
+
+    #[test]
+    fn plans_suit_their_instruments_and_pass_through_files() {
+        for name in ["tiny", "reference"] {
+            let d = builtin::description(name).expect("known").expect("readable");
+            let odd = Plan { repeat_first: true, exposure_s: vec![0.01], ..d.plan.clone() };
+            let mut flat = flat(&odd, &d);
+            "gonio-plan".clone_into(&mut flat.format);
+            flat.check(&d).expect("within the limits");
+            assert_eq!((flat.exposure_s.len(), flat.repeats, flat.poses().len()), (EXPOSURES, 2, 1));
+            assert!(flat.exposure_s.windows(2).all(|w| w[1] > 1.5 * w[0]), "{:?}", flat.exposure_s);
+            let kept = Plan::from_toml(&flat.to_toml().expect("writable"));
+            assert_eq!(kept.expect("readable").exposure_s, flat.exposure_s);
+            assert!(trap(&odd).exposure_s.is_empty() && trap(&odd).poses().len() == 1);
+        }
+    }
 }

@@ -311,11 +311,14 @@ mod tests {
         m
     }
 
-    /// ± `relative` by cell, in no order that swapping light and view keeps.
-    fn shaken(mut m: Measured, relative: f32, seed: usize) -> Measured {
+    /// Noise of `relative` by cell, in no order that swapping light and view keeps: SplitMix64's bits, twelve of them added up.
+    fn shaken(mut m: Measured, relative: f32, seed: u64) -> Measured {
         for (i, v) in m.values.iter_mut().enumerate() {
-            let bit = (i.wrapping_mul(2_654_435_761).wrapping_add(seed * 40_503) >> 16) & 1;
-            let factor = if bit == 1 { 1.0 + relative } else { 1.0 - relative };
+            let mut z = (i as u64 ^ (seed << 32)).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+            z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+            z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+            let normal = ((z >> 40) as u32 & 0xfff).count_ones() as f32 - 6.0;
+            let factor = 1.0 + relative * normal / 3f32.sqrt();
             *v = v.map(|f| f * factor);
         }
         m

@@ -4,6 +4,7 @@
 //! random, and the same input gives the same pixels.
 
 mod axis;
+pub mod budget_bars;
 pub(crate) mod cells;
 pub mod chart;
 mod colorbar;
@@ -23,6 +24,7 @@ pub mod spots;
 mod strip;
 pub mod unfolded;
 
+pub use budget_bars::BudgetBars;
 pub use cells::model_table;
 pub use chart::{Chart, ChartPoint};
 pub use colour_map::ColourMapPlot;

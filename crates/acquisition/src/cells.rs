@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use crate::footprint::lit_share_at;
-use crate::merge::MergedPose;
+use crate::merge::Merged;
 use crate::pixel_map::{PixelMap, PoseView};
 use crate::reference::WhiteReference;
 use crate::weights::Weights;
@@ -42,7 +42,25 @@ pub(crate) struct PixelValue {
 
 impl PixelValue {
     /// A pixel that says nothing.
-    const UNKNOWN: Self = Self { f: f32::NAN, shot: 0.0, read: 0.0, dark: 0.0, reference: 0.0 };
+    pub(crate) const UNKNOWN: Self = Self { f: f32::NAN, shot: 0.0, read: 0.0, dark: 0.0, reference: 0.0 };
+
+    /// Of a merged pixel; `per_rate` as [`per_rate`] gives it, `relative` the relative variance that it has from the white reference.
+    pub(crate) fn of(m: &Merged, per_rate: f32, relative: f32) -> Self {
+        if m.rate == f32::INFINITY {
+            return Self { f: f32::INFINITY, ..Self::UNKNOWN };
+        }
+        if !m.is_valid() || per_rate <= 0.0 {
+            return Self::UNKNOWN;
+        }
+        let (f, square) = (m.rate * per_rate, per_rate * per_rate);
+        Self {
+            f,
+            shot: square * m.shot,
+            read: square * m.read,
+            dark: square * m.dark,
+            reference: f * f * relative,
+        }
+    }
 
     /// Variance of its own noise, 1/sr².
     pub(crate) fn noise(&self) -> f64 {
@@ -59,29 +77,20 @@ pub(crate) struct Binning {
     pub min_coverage: f64,
 }
 
-/// f of every pixel of a pose.
+/// f in 1/sr for one electron per second, of every pixel at a pose; 0 where the white reference says nothing or the lamp's spot does not fill
+/// half of what the pixel looks at. `mean_cos_i` is the mean of cos θ' over the lamp.
 #[must_use]
-pub(crate) fn pixel_values(
-    map: &PixelMap,
-    view: &PoseView,
-    merged: &MergedPose,
-    white: &WhiteReference,
-    mean_cos_i: f64,
-) -> Vec<PixelValue> {
+pub(crate) fn per_rate(map: &PixelMap, view: &PoseView, white: &WhiteReference, mean_cos_i: f64) -> Vec<f32> {
     let spot = map.description().lamp.spot_radius_mm;
     let cos_i = view.theta_i.cos();
     // footprints matter only at grazing view: 0.26 is the cosine of 75°
-    (0..merged.pixels.len())
+    (0..white.scale.len())
         .into_par_iter()
         .with_min_len(4096)
         .map(|p| {
-            let m = merged.pixels[p];
             let k = f64::from(white.scale[p]);
-            if m.rate == f32::INFINITY {
-                return PixelValue { f: f32::INFINITY, ..PixelValue::UNKNOWN };
-            }
-            if !m.is_valid() || k.is_nan() {
-                return PixelValue::UNKNOWN;
+            if k.is_nan() || k <= 0.0 || !view.visible[p] {
+                return 0.0;
             }
             let v = view.sample_from_lab.apply(map.direction(p));
             let place = map.place_mm(p, &view.sample_from_lab);
@@ -91,27 +100,17 @@ pub(crate) fn pixel_values(
                 1.0
             };
             if lit < 0.5 {
-                return PixelValue::UNKNOWN;
+                return 0.0;
             }
-            let per_rate = 1.0 / (k * mean_cos_i * lit);
-            let relative = f64::from(white.relative_variance[p]);
             // the mean of 1/k lies above 1/mean of k by its relative variance
-            let f = f64::from(m.rate) * per_rate * (1.0 - relative);
-            let scale = |v: f32| (f64::from(v) * per_rate * per_rate) as f32;
-            PixelValue {
-                f: f as f32,
-                shot: scale(m.shot),
-                read: scale(m.read),
-                dark: scale(m.dark),
-                reference: (f * f * relative) as f32,
-            }
+            ((1.0 - f64::from(white.relative_variance[p])) / (k * mean_cos_i * lit)) as f32
         })
         .collect()
 }
 
 /// The cells of a pose, θo by φ as in [`gonio_brdf::Grid::index`] without θi; `None` where too little was seen.
 #[must_use]
-pub(crate) fn cells(weights: &Weights, pixels: &[PixelValue], bins: &Binning) -> Vec<Option<Cell>> {
+pub(crate) fn cells(weights: &Weights, sums: &[Sum], bins: &Binning) -> Vec<Option<Cell>> {
     let azimuths = bins.azimuths;
     let count = weights.bins() / 2;
     let mut out: Vec<Option<Cell>> = (0..count)
@@ -120,7 +119,8 @@ pub(crate) fn cells(weights: &Weights, pixels: &[PixelValue], bins: &Binning) ->
             if cell < azimuths && cell > 0 && weights.coverage(cell) == 0.0 {
                 return None;
             }
-            one(weights, pixels, [cell, count + cell], bins.min_coverage)
+            let sides = [cell, count + cell];
+            one(weights, &sides.map(|bin| [0, 1, 2].map(|c| sums[bin * 3 + c])), sides, bins.min_coverage)
         })
         .collect();
     if has_cap(weights, azimuths) {
@@ -130,25 +130,39 @@ pub(crate) fn cells(weights: &Weights, pixels: &[PixelValue], bins: &Binning) ->
     out
 }
 
+/// The cells of each side of the plane of incidence by itself: φ ≥ 0 first, then φ < 0, either as [`cells`].
+#[must_use]
+pub(crate) fn side_cells(weights: &Weights, sums: &[Sum], bins: &Binning) -> Vec<Option<Cell>> {
+    let cap = has_cap(weights, bins.azimuths);
+    (0..weights.bins())
+        .map(|bin| {
+            let cell = bin % (weights.bins() / 2);
+            let first = if cap && cell < bins.azimuths { bin - cell } else { bin };
+            let mine = [0, 1, 2].map(|c| sums[first * 3 + c]);
+            one(weights, &[mine, Default::default()], [first; 2], bins.min_coverage)
+        })
+        .collect()
+}
+
 /// Whether the row about the normal is one cap shared by all azimuths; its weights are kept in the first.
 fn has_cap(weights: &Weights, azimuths: usize) -> bool {
     weights.coverage(0) > 0.0 && (1..azimuths).all(|k| weights.coverage(k) == 0.0)
 }
 
-/// `found` again for the cells that lean on one of the `hidden` pixels, from `pixels` as they are now; with each its share of hidden weight.
+/// The cells among `candidates` that lean on one of the `hidden` pixels, from `pixels` as they are now; with each its share of hidden weight.
 #[must_use]
 pub(crate) fn cells_over(
     weights: &Weights,
-    pixels: &[PixelValue],
+    pixels: &(dyn Fn(usize) -> PixelValue + Sync),
     bins: &Binning,
-    hidden: &[bool],
-    found: &[Option<Cell>],
+    hidden: &(dyn Fn(usize) -> bool + Sync),
+    candidates: &[usize],
 ) -> Vec<(usize, Option<Cell>, f64)> {
     let count = weights.bins() / 2;
     let cap = has_cap(weights, bins.azimuths);
-    let mut out: Vec<(usize, Option<Cell>, f64)> = (0..found.len())
-        .into_par_iter()
-        .filter_map(|cell| {
+    let mut out: Vec<(usize, Option<Cell>, f64)> = candidates
+        .par_iter()
+        .filter_map(|&cell| {
             if cap && (1..bins.azimuths).contains(&cell) {
                 return None;
             }
@@ -159,11 +173,14 @@ pub(crate) fn cells_over(
                     let (list, ws) = weights.list(bin, channel);
                     for (&p, &w) in list.iter().zip(ws) {
                         all += f64::from(w.abs());
-                        under += if hidden[p as usize] { f64::from(w.abs()) } else { 0.0 };
+                        under += if hidden(p as usize) { f64::from(w.abs()) } else { 0.0 };
                     }
                 }
             }
-            (under > 0.0).then(|| (cell, one(weights, pixels, sides, bins.min_coverage), under / all))
+            (under > 0.0).then(|| {
+                let sums = sides.map(|bin| [0, 1, 2].map(|c| sum(weights, pixels, bin, c)));
+                (cell, one(weights, &sums, sides, bins.min_coverage), under / all)
+            })
         })
         .collect();
     if let Some(&(0, cell, share)) = out.first().filter(|_| cap) {
@@ -172,25 +189,31 @@ pub(crate) fn cells_over(
     out
 }
 
-/// Sums of a cell's channel on one side.
-#[derive(Clone, Copy, Default)]
-struct Sum {
-    w: f64,
-    all: f64,
-    valid: f64,
-    value: f64,
-    shot: f64,
-    read: f64,
-    dark: f64,
-    reference: f64,
-    saturated: bool,
+/// Sums of a cell's channel on one side. `all` and `valid` are of the magnitudes of the weights: of all, and of those whose pixel is known.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Sum {
+    pub(crate) w: f64,
+    pub(crate) all: f64,
+    pub(crate) valid: f64,
+    pub(crate) value: f64,
+    pub(crate) shot: f64,
+    pub(crate) read: f64,
+    pub(crate) dark: f64,
+    pub(crate) reference: f64,
+    pub(crate) saturated: bool,
 }
 
-fn sum(weights: &Weights, pixels: &[PixelValue], bin: usize, channel: usize) -> Sum {
+/// The sums pixel by pixel, for the few cells that a gloss touches.
+pub(crate) fn sum(
+    weights: &Weights,
+    pixels: &(dyn Fn(usize) -> PixelValue + Sync),
+    bin: usize,
+    channel: usize,
+) -> Sum {
     let mut s = Sum::default();
     let (list, ws) = weights.list(bin, channel);
     for (&p, &w) in list.iter().zip(ws) {
-        let v = pixels[p as usize];
+        let v = pixels(p as usize);
         let w = f64::from(w);
         s.all += w.abs();
         s.saturated |= v.f == f32::INFINITY;
@@ -210,8 +233,7 @@ fn sum(weights: &Weights, pixels: &[PixelValue], bin: usize, channel: usize) -> 
 }
 
 /// A cell from the sides that see it whole, else from those that see enough of it.
-fn one(weights: &Weights, pixels: &[PixelValue], sides: [usize; 2], min_coverage: f64) -> Option<Cell> {
-    let sums = sides.map(|bin| [0, 1, 2].map(|c| sum(weights, pixels, bin, c)));
+fn one(weights: &Weights, sums: &[[Sum; 3]; 2], sides: [usize; 2], min_coverage: f64) -> Option<Cell> {
     let seen: [f64; 2] = [0, 1].map(|k| {
         let valid = sums[k]
             .iter()

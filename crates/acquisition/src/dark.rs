@@ -178,6 +178,11 @@ impl DarkModel {
         (f64::from(self.mean_e[pixel]), f64::from(self.current_e_s[pixel]))
     }
 
+    /// Mean and current of every pixel, and whether it is hot, as they lie.
+    pub(crate) fn lanes(&self) -> (&[f32], &[f32], &[bool]) {
+        (&self.mean_e, &self.current_e_s, &self.hot)
+    }
+
     /// Factor on the current at another sensor temperature; 1 where either is not known.
     #[must_use]
     pub fn at_temperature(&self, sensor_c: Option<f64>) -> f64 {

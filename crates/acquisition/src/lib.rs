@@ -7,6 +7,7 @@
 //!
 //! Left to others: which device stands behind `Stage` and `Camera`, how a session is written, and what is fitted to the table.
 
+pub mod azimuths;
 pub mod bracket;
 pub mod budget;
 pub mod cells;
@@ -37,10 +38,12 @@ pub mod row;
 pub mod runner;
 pub mod sensor;
 pub mod statistics;
+pub mod sweep;
 pub mod table;
 pub mod texture;
 pub mod weights;
 
+pub use azimuths::{Grain, Isotropy};
 pub use coat::{CoatFit, Gloss, Verdict};
 pub use engine::{Engine, Outcome, Phase, Progress, Setup};
 pub use error::AcquisitionError;
@@ -51,3 +54,4 @@ pub use reducer::Reducer;
 pub use reference::{WhiteBuilder, WhiteReference};
 pub use runner::{Observer, run};
 pub use statistics::PoseStatistics;
+pub use sweep::{Sweep, Swept};

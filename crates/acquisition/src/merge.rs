@@ -3,18 +3,26 @@
 //! Per frame j with exposure t_j and lamp monitor m_j: signal `s_j = electrons − dark(t_j)`, `x_j = t_j m_j`. The rate is
 //! `Σ w_j s_j / Σ w_j x_j` with `w_j = x_j / (λ x_j + d t_j + σ²)`, the inverse *expected* variance of s_j/x_j per unit of x_j.
 //! Where shot noise rules that is the Poisson maximum likelihood `Σ s / Σ x`, which has no bias; weights from each frame's
-//! own noisy counts would favour those that came out low. λ is a first estimate with w_j = x_j/(x_j + …) from the sums.
+//! own noisy counts would favour those that came out low. λ is the mean of the pixels of the same colour nearby ([`lanes`]).
 //!
 //! Whether a pixel is saturated in a frame is decided from its eight neighbours of the same colour, not from its own
 //! value: dropping the frames in which its own noise was high would pull the rest down.
 
-use gonio_instrument::{Exposure, PoseRecord};
+pub(crate) mod lanes;
+pub(crate) mod mend;
+pub(crate) mod shots;
+pub(crate) mod wide;
+
+use gonio_instrument::PoseRecord;
 use rayon::prelude::*;
 
 use crate::dark::DarkModel;
 use crate::error::AcquisitionError;
 use crate::pixel_map::PixelMap;
 use crate::sensor::Sensor;
+use lanes::{BLOCK, Row};
+use shots::Shots;
+use wide::{Task, Wide};
 
 /// A merged pixel; `rate` is NaN where nothing is known, infinite where every exposure is saturated.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -98,153 +106,76 @@ pub fn merge(
     wanted: &[bool],
 ) -> Result<MergedPose, AcquisitionError> {
     check_frames(record, map)?;
-    // with each the factor on the dark current at its temperature
-    let mut frames: Vec<(&Exposure, f64)> = record
-        .exposures
-        .iter()
-        .filter(|e| e.shutter_open && e.lamp_monitor > 0.0 && e.frame.exposure.as_nanos() > 0)
-        .map(|e| (e, dark.at_temperature(e.frame.sensor_temperature_c)))
-        .collect();
-    if frames.is_empty() {
-        return Err(AcquisitionError::NoLight { pose: record.index });
-    }
-    // the order of taking must not matter for rounding either
-    frames.sort_by_key(|(e, _)| (e.frame.exposure, e.frame.sequence));
     let w = map.width();
+    let shots = Shots::of(record, w, sensor, dark)?;
     let mut pixels = vec![Merged::INVALID; w * map.height()];
-    pixels.par_chunks_mut(w).enumerate().for_each(|(y, row)| {
-        for (x, out) in row.iter_mut().enumerate() {
-            let p = y * w + x;
-            if wanted[p] && !dark.is_hot(p) {
-                *out = pixel(&frames, p, map, sensor, dark);
-            }
-        }
-    });
-    let lit = wanted.iter().filter(|v| **v).count().max(1);
-    let lost = (0..pixels.len()).filter(|&p| wanted[p] && !dark.is_hot(p) && !pixels[p].is_valid()).count();
-    let hot: Vec<usize> = (0..pixels.len()).filter(|&p| wanted[p] && dark.is_hot(p)).collect();
-    mend(&mut pixels, hot, w, map.height());
-    Ok(MergedPose {
-        pixels,
-        exposures: frames.len() as u32,
-        saturated_share: lost as f64 / lit as f64,
-        lamp_relative: monitor_spread(&frames),
-    })
-}
-
-fn pixel(frames: &[(&Exposure, f64)], p: usize, map: &PixelMap, sensor: &Sensor, dark: &DarkModel) -> Merged {
-    let (mean, current) = dark.at(p);
-    let read = sensor.read_variance_e2;
-    let usable = |e: &Exposure| {
-        let raw = e.frame.pixels[p];
-        raw < sensor.clipped
-            && (f32::from(raw) < 0.8 * sensor.saturated
-                || neighbourhood(&e.frame.pixels, p, map.width(), map.height()) < sensor.saturated)
-    };
-    // signal and effective exposure of frame j
-    let each = || {
-        frames.iter().filter(|(e, _)| usable(e)).map(|(e, factor)| {
-            let t = e.frame.exposure.as_secs_f64();
-            let dark_signal = mean + current * (t * factor - dark.mean_t_s);
-            let s = sensor.electrons(e.frame.pixels[p]) - dark_signal;
-            (s, t, t * e.lamp_monitor)
-        })
-    };
-    let (mut signal, mut exposure) = (0.0, 0.0);
-    for (s, _, x) in each() {
-        signal += s;
-        exposure += x;
-    }
-    if exposure <= 0.0 {
-        return Merged::SATURATED;
-    }
-    let guess = (signal / exposure).max(0.0);
-    let dark_e = |t: f64| (current * t).max(0.0);
-    let (mut num, mut den) = (0.0, 0.0);
-    for (s, t, x) in each() {
-        let w = x / (guess * x + dark_e(t) + read);
-        num += w * s;
-        den += w * x;
-    }
-    let rate = num / den;
-    let lambda = rate.max(0.0);
-    let (mut shot, mut reading, mut sum_w, mut sum_wt) = (0.0, 0.0, 0.0, 0.0);
-    for (_, t, x) in each() {
-        let w = x / (guess * x + dark_e(t) + read) / den;
-        shot += w * w * (lambda * x + dark_e(t));
-        reading += w * w * read;
-        sum_w += w;
-        sum_wt += w * (t - dark.mean_t_s);
-    }
-    Merged {
-        rate: rate as f32,
-        shot: shot as f32,
-        read: reading as f32,
-        dark: (sum_w * sum_w * dark.mean_variance + sum_wt * sum_wt * dark.current_variance) as f32,
-        exposure: exposure as f32,
-    }
-}
-
-/// Mean raw value of the eight neighbours of the same colour lattice (those there are).
-fn neighbourhood(raw: &[u16], p: usize, w: usize, h: usize) -> f32 {
-    let (x, y) = (p % w, p / w);
-    let (mut sum, mut n) = (0u32, 0u32);
-    for v in [y.wrapping_sub(2), y, y + 2] {
-        for u in [x.wrapping_sub(2), x, x + 2] {
-            if u < w && v < h && (u, v) != (x, y) {
-                sum += u32::from(raw[v * w + u]);
-                n += 1;
-            }
-        }
-    }
-    sum as f32 / n.max(1) as f32
-}
-
-/// Gives isolated hot pixels the value of their neighbours: along the row or the column, whichever runs smoother,
-/// by the cubic through four, else the mean of two.
-fn mend(pixels: &mut [Merged], holes: Vec<usize>, w: usize, h: usize) {
-    let mut mended = Vec::new();
-    for p in holes {
-        let (x, y) = (p % w, p / w);
-        let line = |step: usize, at: usize, n: usize| -> Option<(f64, Merged)> {
-            if at < 2 || at + 2 >= n {
-                return None;
-            }
-            let (a, b) = (pixels[p - 2 * step], pixels[p + 2 * step]);
-            if !a.is_valid() || !b.is_valid() {
-                return None;
-            }
-            let mut m = a;
-            let half = |f: fn(&Merged) -> f32| 0.5 * (f(&a) + f(&b));
-            m.rate = half(|m| m.rate);
-            (m.shot, m.read, m.dark) = (half(|m| m.shot), half(|m| m.read), half(|m| m.dark));
-            m.exposure = half(|m| m.exposure);
-            if at >= 4 && at + 4 < n {
-                let (c, d) = (pixels[p - 4 * step], pixels[p + 4 * step]);
-                if c.is_valid() && d.is_valid() {
-                    m.rate += (2.0 * m.rate - c.rate - d.rate) / 6.0;
+    pixels.par_chunks_mut(w).enumerate().for_each_init(
+        || Row::of(w),
+        |row, (y, out)| {
+            let wanted = &wanted[y * w..(y + 1) * w];
+            if let Some(blocks) = blocks_of(wanted) {
+                wide::run(OneRow { row, shots: &shots, y, blocks });
+                for (x, out) in
+                    out.iter_mut().enumerate().filter(|(x, _)| wanted[*x] && !shots.hot[y * w + x])
+                {
+                    *out = row.pixel(x);
                 }
             }
-            Some((f64::from((a.rate - b.rate).abs()), m))
-        };
-        let best = match (line(1, x, w), line(w, y, h)) {
-            (Some(a), Some(b)) => Some(if b.0 < a.0 { b.1 } else { a.1 }),
-            (a, b) => a.or(b).map(|v| v.1),
-        };
-        if let Some(m) = best {
-            mended.push((p, m));
-        }
-    }
+        },
+    );
+    let lit = wanted.iter().filter(|v| **v).count().max(1);
+    let lost = (0..pixels.len()).filter(|&p| wanted[p] && !shots.hot[p] && !pixels[p].is_valid()).count();
+    let hot = (0..pixels.len()).filter(|&p| wanted[p] && shots.hot[p]);
+    let mended: Vec<(usize, Merged)> = hot
+        .filter_map(|p| Some((p, mend::from_neighbours(p, w, map.height(), &mut |q| pixels[q])?)))
+        .collect();
     for (p, m) in mended {
         pixels[p] = m;
     }
+    Ok(MergedPose {
+        pixels,
+        exposures: shots.len() as u32,
+        saturated_share: lost as f64 / lit as f64,
+        lamp_relative: shots.lamp_relative,
+    })
 }
 
-/// Standard uncertainty of the mean of the monitor readings, relative, as far as they scatter about a steady drift.
-fn monitor_spread(frames: &[(&Exposure, f64)]) -> f64 {
-    let mut by_time: Vec<(f64, f64)> =
-        frames.iter().map(|(e, _)| (e.frame.sequence as f64, e.lamp_monitor)).collect();
-    by_time.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let readings: Vec<f64> = by_time.iter().map(|v| v.1).collect();
-    crate::lamp::scatter(&readings) / (readings.len() as f64).sqrt()
+/// First and end of the blocks of a row that hold a wanted pixel.
+pub(crate) fn blocks_of(wanted: &[bool]) -> Option<(usize, usize)> {
+    let first = wanted.iter().position(|v| *v)?;
+    let last = wanted.iter().rposition(|v| *v)?;
+    Some((first / BLOCK, last / BLOCK + 1))
+}
+
+/// A row merged with the widest vectors that the machine has.
+pub(crate) struct OneRow<'a, 'b> {
+    pub(crate) row: &'a mut Row,
+    pub(crate) shots: &'a Shots<'b>,
+    pub(crate) y: usize,
+    pub(crate) blocks: (usize, usize),
+}
+
+impl Task for OneRow<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<W: Wide>(self, wide: W) {
+        self.row.merge(wide, self.shots, self.y, self.blocks);
+    }
+}
+
+impl Row {
+    /// A pixel of the row.
+    pub(crate) fn pixel(&self, x: usize) -> Merged {
+        if self.rate[x] == f32::INFINITY {
+            return Merged::SATURATED;
+        }
+        Merged {
+            rate: self.rate[x],
+            shot: self.shot[x],
+            read: self.read[x],
+            dark: self.dark[x],
+            exposure: self.exposure[x],
+        }
+    }
 }

@@ -5,11 +5,12 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use gonio_brdf::models::Coat;
-use gonio_brdf::{Flag, Measured};
+use gonio_brdf::{Anisotropic, Flag, Meaning, Measured};
 use gonio_instrument::{PoseRecord, SampleRecord};
 use gonio_optics::{Angle, Vec3, quadrature};
 
-use crate::cells::{Binning, Cell, PixelValue, cells, cells_over, pixel_values};
+use crate::azimuths::{Azimuths, Isotropy};
+use crate::cells::{Binning, Cell, PixelValue, cells, cells_over, side_cells};
 use crate::closure::{self, Repeated};
 use crate::coat::{self, CoatFit, Gloss, Verdict};
 use crate::dark::{DarkFrames, DarkModel};
@@ -25,8 +26,38 @@ use crate::reference::WhiteReference;
 use crate::row::Row;
 use crate::sensor::Sensor;
 use crate::statistics::PoseStatistics;
+use crate::sweep::{Sweep, Window};
 use crate::table::{Budget, Common, PARTS, assemble};
 use crate::weights::Weights;
+
+/// What the poses of a tilt share.
+struct Tilt {
+    /// Thousandths of a degree.
+    key: i64,
+    view: PoseView,
+    weights: Weights,
+    sweep: Sweep,
+    /// Mean of cos θ' over the lamp.
+    mean_cos: f64,
+}
+
+impl Tilt {
+    fn new(key: i64, map: &PixelMap, view: PoseView, white: &WhiteReference, options: &Options) -> Self {
+        let light = Vec3::from_polar(view.theta_i, Angle::ZERO);
+        let lights = quadrature::cone(light, map.description().lamp.half_angle(), 4);
+        let mean_cos = lights.iter().map(|l| l.z.max(0.0)).sum::<f64>() / lights.len() as f64;
+        let mean_cos = mean_cos.max(gonio_optics::COS_FLOOR);
+        let weights = Weights::new(map, &view, &options.grid);
+        let sweep = Sweep::new(map, &view, &weights, white, mean_cos);
+        Self { key, view, weights, sweep, mean_cos }
+    }
+}
+
+/// The first pose.
+struct First {
+    place: (i64, i64),
+    cells: Vec<Option<Cell>>,
+}
 
 /// Turns poses into a table, one after the other.
 pub struct Reducer {
@@ -46,12 +77,14 @@ pub struct Reducer {
     /// Largest share of a cell's weight that a gloss hid, over the whole grid.
     hidden: Vec<f32>,
     gloss: Vec<Gloss>,
+    /// What is kept apart by spin and side, for the test of isotropy.
+    azimuths: Azimuths,
     statistics: Vec<PoseStatistics>,
     /// The first pose (tilt and spin, thousandths of a degree) with its cells, and what it gave once more.
-    first: Option<((i64, i64), Vec<Option<Cell>>)>,
+    first: Option<First>,
     repeated: Option<Repeated>,
-    /// View and weights of the last tilt: all its spins share them.
-    last: Option<(i64, PoseView, Weights)>,
+    /// The last tilt: all its spins share what was built for it.
+    last: Option<Tilt>,
     sample: SampleRecord,
 }
 
@@ -83,6 +116,7 @@ impl Reducer {
             rows_without_gloss: vec![Row::default(); options.grid.theta_i_deg.len()],
             hidden: vec![0.0; options.grid.len()],
             gloss: Vec::new(),
+            azimuths: Azimuths::default(),
             statistics: Vec::new(),
             first: None,
             repeated: None,
@@ -129,72 +163,64 @@ impl Reducer {
                 limit_deg: self.options.row_tolerance_deg,
             });
         }
-        let (_, view, weights) = match self.last.take().filter(|l| l.0 == key) {
+        let tilt = match self.last.take().filter(|l| l.key == key) {
             Some(same) => self.last.insert(same),
             None => {
-                let view = self.map.view(pose);
-                let weights = Weights::new(&self.map, &view, &self.options.grid);
-                self.last.insert((key, view, weights))
+                self.last.insert(Tilt::new(key, &self.map, self.map.view(pose), &self.white, &self.options))
             }
         };
-        let mut merged = match &self.stray {
-            // the whole picture: light comes astray from pixels that do not see the sample, too
-            Some(_) => {
+        let swept = match &self.stray {
+            None => tilt.sweep.pose(record, &self.map, &self.sensor, &self.dark)?,
+            // the whole picture first: light comes astray from pixels that do not see the sample, too
+            Some(stray) => {
                 let all = vec![true; self.map.width() * self.map.height()];
-                merge(record, &self.map, &self.sensor, &self.dark, &all)?
-            }
-            None => merge(record, &self.map, &self.sensor, &self.dark, &view.visible)?,
-        };
-        let left = self.stray.as_ref().map(|s| s.correct(&mut merged.pixels, &self.map));
-        if left.is_some() {
-            for (m, visible) in merged.pixels.iter_mut().zip(&view.visible) {
-                if !visible {
-                    *m = crate::merge::Merged::INVALID;
+                let mut merged = merge(record, &self.map, &self.sensor, &self.dark, &all)?;
+                let left = stray.correct(&mut merged.pixels, &self.map);
+                let per_rate =
+                    table_part::per_rate(&self.white.scale, &tilt.view.visible, &self.map, tilt.mean_cos);
+                let (sum, n) = &mut self.stray_rows[ti];
+                for c in 0..3 {
+                    sum[c] += (left[c] * per_rate[c]).powi(2);
                 }
+                *n += 1;
+                tilt.sweep.picture(&merged, &tilt.weights, &self.white.relative_variance)
             }
-        }
-        let light = Vec3::from_polar(view.theta_i, Angle::ZERO);
-        let lights = quadrature::cone(light, self.map.description().lamp.half_angle(), 4);
-        let mean_cos = lights.iter().map(|l| l.z.max(0.0)).sum::<f64>() / lights.len() as f64;
-        let mean_cos = mean_cos.max(gonio_optics::COS_FLOOR);
+        };
         let bins =
             Binning { azimuths: self.options.grid.phi_deg.len(), min_coverage: self.options.min_coverage };
-        let mut pixels = pixel_values(&self.map, view, &merged, &self.white, mean_cos);
-        let found = cells(weights, &pixels, &bins);
-        if let Some(left) = left {
-            let per_rate = table_part::per_rate(&self.white.scale, &view.visible, &self.map, mean_cos);
-            let (sum, n) = &mut self.stray_rows[ti];
-            for c in 0..3 {
-                sum[c] += (left[c] * per_rate[c]).powi(2);
-            }
-            *n += 1;
-        }
+        let found = cells(&tilt.weights, &swept.sums, &bins);
         let place = (key, (record.readback.spin.degrees() * 1e3).round() as i64);
         match &self.first {
             // the first pose once more is a check, not another spin
-            Some((first, cells)) if *first == place => {
-                self.repeated = closure::repeated(cells, &found);
-                self.statistics.push(PoseStatistics::new(record, theta_i, &merged, &found, &self.options));
+            Some(first) if first.place == place => {
+                self.repeated = closure::repeated(&first.cells, &found);
+                self.statistics.push(PoseStatistics::new(record, theta_i, &swept, &found, &self.options));
                 return Ok(self.statistics.last());
             }
-            None => self.first = Some((place, found.clone())),
+            None => self.first = Some(First { place, cells: found.clone() }),
             Some(_) => {}
         }
         // two thousandths of a degree are the encoders' rounding
         let off = Angle::from_degrees(if off < 2e-3 { 0.0 } else { off });
-        self.rows[ti].add(&found, off, merged.lamp_relative);
+        self.rows[ti].add(&found, off, swept.lamp_relative);
+        // spin s turns the sample, so the light goes round it the other way; a tilt to the other side puts it opposite
+        let phi_i =
+            if record.readback.tilt.degrees() < 0.0 { 180.0 } else { 0.0 } - record.readback.spin.degrees();
+        self.azimuths.add(ti, phi_i, &side_cells(&tilt.weights, &swept.sums, &bins));
+        self.statistics.push(PoseStatistics::new(record, theta_i, &swept, &found, &self.options));
         if self.options.clear_coat != ClearCoat::None {
             let without = {
-                let hidden = coat::gloss::find(&self.map, view, &pixels, light, mean_cos);
+                let reached = &tilt.sweep.reached;
+                let hidden = coat::gloss::find(&self.map, &tilt.view, &swept.window, reached, tilt.mean_cos);
                 let first = self.options.grid.index(ti, 0, 0);
                 let share = &mut self.hidden[first..first + found.len()];
-                let out = without_gloss(weights, &mut pixels, &bins, &hidden, &found, share);
+                let out = without_gloss(tilt, swept.window, &bins, &hidden, &found, share);
                 self.gloss.extend(hidden.gloss);
                 out
             };
-            self.rows_without_gloss[ti].add(&without, off, merged.lamp_relative);
+            self.rows_without_gloss[ti].add(&without, off, swept.lamp_relative);
         }
-        self.statistics.push(PoseStatistics::new(record, theta_i, &merged, &found, &self.options));
+
         Ok(self.statistics.last())
     }
 
@@ -249,6 +275,23 @@ impl Reducer {
     #[must_use]
     pub fn gloss(&self) -> &[Gloss] {
         &self.gloss
+    }
+
+    /// What turning the sample shows; `None` before a pose.
+    #[must_use]
+    pub fn isotropy(&self) -> Option<Isotropy> {
+        self.azimuths.isotropy(&self.options.grid, self.options.limit_deg)
+    }
+
+    /// The table over four angles, as seen: nothing is filled and no coat taken off.
+    #[must_use]
+    pub fn azimuth_table(&self) -> Anisotropic {
+        let meaning = Meaning::CellMean { lamp_half_angle: self.map.description().lamp.half_angle() };
+        let common = self.white.certificate_uncertainty.hypot(self.white.lamp_relative);
+        let o = &self.options;
+        let mut t = self.azimuths.table(&o.grid, meaning, o.limit_deg, common);
+        t.attributes = self.sample_attributes();
+        t
     }
 
     /// Whether there is a coat to separate, as far as the poses tell.
@@ -368,9 +411,9 @@ impl Reducer {
         a
     }
 
-    fn attributes(&self, budget: &Budget, measured: usize) -> BTreeMap<String, String> {
-        let o = &self.options;
-        let mut a = self.coat_attributes();
+    /// What was measured with what, and whether it looks the same when turned.
+    fn sample_attributes(&self) -> BTreeMap<String, String> {
+        let mut a = BTreeMap::new();
         let mut put = |k: &str, v: String| {
             if !v.is_empty() {
                 a.insert(k.to_owned(), v);
@@ -385,6 +428,22 @@ impl Reducer {
         put("sample_note", self.sample.note.clone());
         put("reference_serial", self.white.serial.clone());
         put("reference_notes", self.white.notes.join("; "));
+        if let Some(found) = self.isotropy() {
+            put("isotropy", found.verdict.name().to_owned());
+            put("isotropy_why", found.sentence());
+        }
+        a
+    }
+
+    fn attributes(&self, budget: &Budget, measured: usize) -> BTreeMap<String, String> {
+        let o = &self.options;
+        let mut a = self.coat_attributes();
+        a.append(&mut self.sample_attributes());
+        let mut put = |k: &str, v: String| {
+            if !v.is_empty() {
+                a.insert(k.to_owned(), v);
+            }
+        };
         put("common_relative_uncertainty", format!("{}", self.white.certificate_uncertainty));
         put("units", "1/sr, without the cosine".to_owned());
         put(
@@ -440,8 +499,8 @@ impl Reducer {
 
 /// The cells with the pixels under a gloss replaced by the base around it; `share` takes how much of each cell they were.
 fn without_gloss(
-    weights: &Weights,
-    pixels: &mut [PixelValue],
+    tilt: &Tilt,
+    mut pixels: Window,
     bins: &Binning,
     hidden: &coat::gloss::Hidden,
     found: &[Option<Cell>],
@@ -451,13 +510,19 @@ fn without_gloss(
     if hidden.pixels.is_empty() {
         return without;
     }
-    let mut under = vec![false; pixels.len()];
+    let mut under = hidden.pixels.clone();
+    under.sort_unstable();
     for (&p, &f) in hidden.pixels.iter().zip(&hidden.base) {
-        under[p as usize] = true;
-        pixels[p as usize] = PixelValue { f, shot: 0.0, read: 0.0, dark: 0.0, reference: 0.0 };
+        pixels.set(p as usize, PixelValue { f, shot: 0.0, read: 0.0, dark: 0.0, reference: 0.0 });
     }
     let sigma = hidden.gloss.as_ref().map_or([0.0; 3], |g| g.base_sigma);
-    for (cell, value, part) in cells_over(weights, pixels, bins, &under, found) {
+    for (cell, value, part) in cells_over(
+        &tilt.weights,
+        &|p| pixels.get(p),
+        bins,
+        &|p| under.binary_search(&(p as u32)).is_ok(),
+        &tilt.sweep.reached_cells,
+    ) {
         without[cell] = value.map(|mut v| {
             v.coat = sigma.map(|s| (part * s).powi(2));
             v

@@ -5,8 +5,9 @@ use gonio_optics::Angle;
 use serde::Serialize;
 
 use crate::cells::Cell;
-use crate::merge::MergedPose;
+
 use crate::options::Options;
+use crate::sweep::Swept;
 
 /// Figures of one pose.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -35,7 +36,7 @@ impl PoseStatistics {
     pub(crate) fn new(
         record: &PoseRecord,
         theta_i: Angle,
-        merged: &MergedPose,
+        swept: &Swept,
         cells: &[Option<Cell>],
         options: &Options,
     ) -> Self {
@@ -56,9 +57,9 @@ impl PoseStatistics {
             index: record.index,
             theta_i_deg: theta_i.degrees(),
             spin_deg: record.readback.spin.degrees(),
-            exposures: merged.exposures,
+            exposures: swept.exposures,
             exposure_s: [times.clone().fold(f64::INFINITY, f64::min), times.fold(0.0, f64::max)],
-            saturated_share: merged.saturated_share,
+            saturated_share: swept.saturated_share,
             coverage: seen.len() as f64 / wanted.max(1) as f64,
             relative_sigma: relative.get(relative.len() / 2).copied().unwrap_or(0.0),
             lamp_monitor: lit.iter().map(|e| e.lamp_monitor).sum::<f64>() / lit.len().max(1) as f64,

@@ -5,11 +5,11 @@
 //! ring around ([`super::local_base`]), one for each channel.
 
 use gonio_optics::{Angle, Vec3};
-use rayon::prelude::*;
 
 use super::local_base::{LocalBase, Point};
 use crate::cells::PixelValue;
 use crate::pixel_map::{PixelMap, PoseView};
+use crate::sweep::Window;
 
 /// Pixels about the image's rim that its light may reach.
 const MARGIN_PIXELS: f64 = 2.0;
@@ -66,31 +66,92 @@ struct Near {
     value: PixelValue,
 }
 
-/// Looks for a gloss at a pose. `light` is the lamp's centre in the sample frame, `mean_cos_i` the mean of cos θ' over it.
+/// What of the sensor a gloss may concern at a tilt.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Reached {
+    /// `None` where nothing of it is seen.
+    field: Option<Field>,
+    /// Pixels that are looked at.
+    pub(crate) near: Vec<u32>,
+    /// Pixels that a gloss may hide.
+    pub(crate) hidden: Vec<u32>,
+}
+
+/// Where a gloss is looked for: the mirror direction (sample frame), directions in and across the plane of incidence, radii.
+#[derive(Clone, Debug)]
+struct Field {
+    mirror: Vec3,
+    axes: [Vec3; 2],
+    alpha: f64,
+    pitch: f64,
+    inner: f64,
+    ring: f64,
+    reach: f64,
+}
+
+impl Field {
+    /// About the mirror direction of a lamp in direction `light` (sample frame); `None` where nothing of it is seen.
+    fn of(map: &PixelMap, view: &PoseView, light: Vec3) -> Option<Self> {
+        let alpha = map.description().lamp.half_angle().radians();
+        let mirror = Vec3::new(-light.x, -light.y, light.z);
+        // in the plane of incidence, away from the normal; across it
+        let along = Vec3::new(-light.z, 0.0, -light.x.max(0.0)).normalized();
+        let axes = [along, Vec3::new(0.0, 1.0, 0.0)];
+        let search = SEARCH_DEG.to_radians();
+        let reach = alpha + search + 2.0 * RING_DEG.to_radians();
+        let (nearest, _) = around(map, view, 0..view.visible.len(), mirror, reach)
+            .map(|p| (p, view.sample_from_lab.apply(map.direction(p))))
+            .map(|(p, d)| (p, d.dot(axes[0]).hypot(d.dot(axes[1]))))
+            .min_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)))?;
+        let pitch = map.solid_angle(nearest).sqrt();
+        let inner = alpha + MARGIN_PIXELS * pitch;
+        let ring = (RING_DEG.to_radians()).max(RING_PIXELS * pitch);
+        let reach = reach.max(inner + search + ring);
+        Some(Self { mirror, axes, alpha, pitch, inner, ring, reach })
+    }
+}
+
+/// What of the sensor a gloss may concern at a tilt.
+pub(crate) fn reached(map: &PixelMap, view: &PoseView) -> Reached {
+    let light = Vec3::from_polar(view.theta_i, Angle::ZERO);
+    let Some(field) = Field::of(map, view, light) else { return Reached::default() };
+    let near = around(map, view, 0..view.visible.len(), field.mirror, field.reach).map(|p| p as u32);
+    // a centroid is at most a pixel beyond where it is looked for
+    let most = field.inner + SEARCH_DEG.to_radians() + 2.0 * field.pitch;
+    let hidden = around(map, view, 0..view.visible.len(), field.mirror, most).map(|p| p as u32);
+    let (near, hidden) = (near.collect(), hidden.collect());
+    Reached { field: Some(field), near, hidden }
+}
+
+/// Looks for a gloss at a pose; `mean_cos_i` is the mean of cos θ' over the lamp.
 pub(crate) fn find(
     map: &PixelMap,
     view: &PoseView,
-    values: &[PixelValue],
-    light: Vec3,
+    window: &Window,
+    reached: &Reached,
     mean_cos_i: f64,
 ) -> Hidden {
-    let alpha = map.description().lamp.half_angle().radians();
-    let mirror = Vec3::new(-light.x, -light.y, light.z);
-    // in the plane of incidence, away from the normal; across it
-    let along = Vec3::new(-light.z, 0.0, -light.x.max(0.0)).normalized();
-    let across = Vec3::new(0.0, 1.0, 0.0);
-    let search = SEARCH_DEG.to_radians();
-    let reach = alpha + search + 2.0 * RING_DEG.to_radians();
-    let mut near = around(map, view, values, mirror, [along, across], reach);
-    let pitch = match near.iter().min_by(|a, b| a.x.hypot(a.y).total_cmp(&b.x.hypot(b.y))) {
-        Some(n) => n.solid_angle.sqrt(),
-        None => return Hidden { gloss: None, pixels: Vec::new(), base: Vec::new() },
+    let Some(field) = &reached.field else {
+        return Hidden { gloss: None, pixels: Vec::new(), base: Vec::new() };
     };
-    let inner = alpha + MARGIN_PIXELS * pitch;
-    let ring = (RING_DEG.to_radians()).max(RING_PIXELS * pitch);
-    if inner + search + ring > reach {
-        near = around(map, view, values, mirror, [along, across], inner + search + ring);
-    }
+    let &Field { alpha, pitch, inner, ring, .. } = field;
+    let search = SEARCH_DEG.to_radians();
+    let near: Vec<Near> = reached
+        .near
+        .iter()
+        .map(|&p| {
+            let p = p as usize;
+            let d = view.sample_from_lab.apply(map.direction(p));
+            Near {
+                pixel: p as u32,
+                channel: map.channel(p) as u8,
+                x: d.dot(field.axes[0]),
+                y: d.dot(field.axes[1]),
+                solid_angle: map.solid_angle(p),
+                value: window.get(p),
+            }
+        })
+        .collect();
     // where it is: first with room for a misaligned instrument, then about the place found
     let mut centre = [0.0; 2];
     let wide = Disc { centre, inner: inner + search, ring };
@@ -124,32 +185,19 @@ pub(crate) fn find(
     Hidden { gloss, pixels, base }
 }
 
-/// The pixels within `reach` of the mirror direction, in the order of the sensor.
-fn around(
-    map: &PixelMap,
-    view: &PoseView,
-    values: &[PixelValue],
+/// Those of `pixels` that see the sample within `reach` of the mirror direction.
+fn around<'a>(
+    map: &'a PixelMap,
+    view: &'a PoseView,
+    pixels: impl Iterator<Item = usize> + 'a,
     mirror: Vec3,
-    axes: [Vec3; 2],
     reach: f64,
-) -> Vec<Near> {
+) -> impl Iterator<Item = usize> + 'a {
     let low = reach.cos();
-    (0..values.len())
-        .into_par_iter()
-        .with_min_len(4096)
-        .filter(|&p| view.visible[p])
-        .filter_map(|p| {
-            let d = view.sample_from_lab.apply(map.direction(p));
-            (d.dot(mirror) > low && d.z > 0.0).then(|| Near {
-                pixel: p as u32,
-                channel: map.channel(p) as u8,
-                x: d.dot(axes[0]),
-                y: d.dot(axes[1]),
-                solid_angle: map.solid_angle(p),
-                value: values[p],
-            })
-        })
-        .collect()
+    pixels.filter(|&p| view.visible[p]).filter(move |&p| {
+        let d = view.sample_from_lab.apply(map.direction(p));
+        d.dot(mirror) > low && d.z > 0.0
+    })
 }
 
 /// A disc about the image, and the ring around it.

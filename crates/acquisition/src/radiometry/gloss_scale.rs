@@ -7,14 +7,14 @@ use gonio_instrument::radiometry::{GlossScale, Known};
 use gonio_optics::{Angle, Vec3, fresnel, quadrature};
 
 use super::stray::Stray;
-use crate::cells::{PixelValue, pixel_values};
+use crate::cells::{PixelValue, per_rate};
 use crate::coat::{self, Gloss};
 use crate::error::AcquisitionError;
-use crate::merge::Merged;
 use crate::merge_white::Merger;
 use crate::options::Options;
 use crate::pixel_map::{PixelMap, PoseView};
 use crate::reference::WhiteReference;
+use crate::sweep::Window;
 
 /// Steps of the profile in units of α.
 const STEP: f64 = 0.1;
@@ -109,12 +109,15 @@ pub fn glosses(
     Ok(out)
 }
 
+/// Takes a gloss, the values of all pixels, the view, the mean of cos θ' over the lamp.
+type Listener<'a> = dyn FnMut(&Gloss, &[PixelValue], &PoseView, f64) + 'a;
+
 /// Calls `found` with the gloss of each pose, the values of its pixels, its view and the mean of cos θ' over the lamp.
 pub(crate) fn seen(
     poses: &mut dyn Iterator<Item = PoseRecord>,
     map: &Arc<PixelMap>,
     white: &WhiteReference,
-    found: &mut dyn FnMut(&Gloss, &[PixelValue], &PoseView, f64),
+    found: &mut Listener<'_>,
 ) -> Result<(), AcquisitionError> {
     let stray = Stray::of(map);
     let all = vec![true; map.width() * map.height()];
@@ -125,17 +128,22 @@ pub(crate) fn seen(
             s.correct(&mut m.pixels, map);
         }
         let view = map.view(record.readback);
-        for (m, visible) in m.pixels.iter_mut().zip(&view.visible) {
-            if !visible {
-                *m = Merged::INVALID;
-            }
-        }
         let light = Vec3::from_polar(view.theta_i, Angle::ZERO);
         let lights = quadrature::cone(light, map.description().lamp.half_angle(), 4);
         let mean_cos = lights.iter().map(|l| l.z.max(0.0)).sum::<f64>() / lights.len() as f64;
         let mean_cos = mean_cos.max(gonio_optics::COS_FLOOR);
-        let values = pixel_values(map, &view, &m, white, mean_cos);
-        if let Some(g) = coat::gloss::find(map, &view, &values, light, mean_cos).gloss {
+        let per_rate = per_rate(map, &view, white, mean_cos);
+        let values: Vec<PixelValue> = (0..m.pixels.len())
+            .map(|p| match view.visible[p] {
+                true => PixelValue::of(&m.pixels[p], per_rate[p], white.relative_variance[p]),
+                false => PixelValue::UNKNOWN,
+            })
+            .collect();
+        let reached = coat::gloss::reached(map, &view);
+        let near = reached.near.iter().map(|p| *p as usize);
+        let mut window = Window::about(near.clone(), map.width(), &white.relative_variance);
+        near.for_each(|p| window.set(p, values[p]));
+        if let Some(g) = coat::gloss::find(map, &view, &window, &reached, mean_cos).gloss {
             found(&g, &values, &view, mean_cos);
         }
     }

@@ -80,7 +80,7 @@ impl Tiles {
     /// Convolved with a Gaussian; light that leaves the picture is lost.
     #[must_use]
     pub fn blurred(&self, sigma: f64) -> Self {
-        if !(sigma > 1e-6) {
+        if sigma.is_nan() || sigma <= 1e-6 {
             return self.clone();
         }
         if sigma > WIDE && self.width.min(self.height) >= 16 {

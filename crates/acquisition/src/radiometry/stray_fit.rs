@@ -130,36 +130,45 @@ impl Evidence {
             }
         }
         let (mean, tails) = (x.mean(), x.tails(sigma));
-        let mut rows: Vec<([f64; 2], f64, f64)> = self
+        let mut rows: Vec<Row> = self
             .at
             .iter()
             .map(|&i| {
-                let model = [mean, tails.values[i]];
-                let own = OWN_ERROR * self.seen.values[i];
-                (model, self.seen.values[i], 1.0 / (self.variance[i] + own * own).max(1e-12))
+                let seen = self.seen.values[i];
+                let own = OWN_ERROR * seen;
+                Row {
+                    model: [mean, tails.values[i]],
+                    seen,
+                    weight: 1.0 / (self.variance[i] + own * own).max(1e-12),
+                }
             })
             .collect();
         if self.constant {
-            let total: f64 = rows.iter().map(|r| r.2).sum();
-            let level = |f: &dyn Fn(&([f64; 2], f64, f64)) -> f64| {
-                rows.iter().map(|r| r.2 * f(r)).sum::<f64>() / total
-            };
-            let (t, y) = (level(&|r| r.0[1]), level(&|r| r.1));
+            let total: f64 = rows.iter().map(|r| r.weight).sum();
+            let tail = rows.iter().map(|r| r.weight * r.model[1]).sum::<f64>() / total;
+            let level = rows.iter().map(|r| r.weight * r.seen).sum::<f64>() / total;
             for r in &mut rows {
-                r.0 = [0.0, r.0[1] - t];
-                r.1 -= y;
+                r.model = [0.0, r.model[1] - tail];
+                r.seen -= level;
             }
         }
         let mut out = Normal::default();
-        for (m, y, w) in rows {
-            let v = Vector2::new(m[0], m[1]);
-            out.n += v * v.transpose() * w;
-            out.b += v * (w * y);
-            out.square += w * y * y;
+        for r in rows {
+            let v = Vector2::from(r.model);
+            out.n += v * v.transpose() * r.weight;
+            out.b += v * (r.weight * r.seen);
+            out.square += r.weight * r.seen * r.seen;
             out.count += 1.0;
         }
         out
     }
+}
+
+/// A tile: what the model gives for g = 1 and ε = 1, what is seen, its weight.
+struct Row {
+    model: [f64; 2],
+    seen: f64,
+    weight: f64,
 }
 
 #[derive(Clone, Copy, Default)]

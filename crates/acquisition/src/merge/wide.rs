@@ -1,0 +1,225 @@
+//! Eight numbers at a time: by the vector instructions of x86-64 machines that have AVX2, else one after the other.
+//!
+//! Both ways do the same operations in the same order, without fused multiplications, so both give the same bits.
+
+/// Numbers in a vector.
+pub(crate) const WIDE: usize = 8;
+
+/// What the merge asks of a machine.
+pub(crate) trait Wide: Copy {
+    /// Eight f32.
+    type F: Copy;
+    /// Sixteen u16.
+    type U: Copy;
+
+    fn load(self, from: &[f32; WIDE]) -> Self::F;
+    fn store(self, v: Self::F) -> [f32; WIDE];
+    /// Two numbers in turns.
+    fn pattern(self, of: [f32; 2]) -> Self::F;
+    /// Counts as numbers.
+    fn counts(self, from: &[u16; WIDE]) -> Self::F;
+    fn add(self, a: Self::F, b: Self::F) -> Self::F;
+    fn sub(self, a: Self::F, b: Self::F) -> Self::F;
+    fn mul(self, a: Self::F, b: Self::F) -> Self::F;
+    fn div(self, a: Self::F, b: Self::F) -> Self::F;
+    /// a where `test` is above zero, else b.
+    fn where_above_zero(self, test: Self::F, a: Self::F, b: Self::F) -> Self::F;
+    /// 1 where a < b, else 0.
+    fn below(self, a: Self::F, b: Self::F) -> Self::F;
+    fn load_counts(self, from: &[u16; 2 * WIDE]) -> Self::U;
+    fn store_counts(self, v: Self::U) -> [u16; 2 * WIDE];
+    fn least(self, a: Self::U, b: Self::U) -> Self::U;
+    fn most(self, a: Self::U, b: Self::U) -> Self::U;
+
+    #[inline(always)]
+    fn splat(self, v: f32) -> Self::F {
+        self.pattern([v; 2])
+    }
+
+    /// max(a, 0).
+    #[inline(always)]
+    fn positive(self, a: Self::F) -> Self::F {
+        self.where_above_zero(a, a, self.splat(0.0))
+    }
+}
+
+/// One after the other.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Plain;
+
+impl Wide for Plain {
+    type F = [f32; WIDE];
+    type U = [u16; 2 * WIDE];
+
+    #[inline(always)]
+    fn load(self, from: &[f32; WIDE]) -> Self::F {
+        *from
+    }
+
+    #[inline(always)]
+    fn store(self, v: Self::F) -> [f32; WIDE] {
+        v
+    }
+
+    #[inline(always)]
+    fn pattern(self, of: [f32; 2]) -> Self::F {
+        std::array::from_fn(|k| of[k % 2])
+    }
+
+    #[inline(always)]
+    fn counts(self, from: &[u16; WIDE]) -> Self::F {
+        from.map(f32::from)
+    }
+
+    #[inline(always)]
+    fn add(self, a: Self::F, b: Self::F) -> Self::F {
+        std::array::from_fn(|k| a[k] + b[k])
+    }
+
+    #[inline(always)]
+    fn sub(self, a: Self::F, b: Self::F) -> Self::F {
+        std::array::from_fn(|k| a[k] - b[k])
+    }
+
+    #[inline(always)]
+    fn mul(self, a: Self::F, b: Self::F) -> Self::F {
+        std::array::from_fn(|k| a[k] * b[k])
+    }
+
+    #[inline(always)]
+    fn div(self, a: Self::F, b: Self::F) -> Self::F {
+        std::array::from_fn(|k| a[k] / b[k])
+    }
+
+    #[inline(always)]
+    fn where_above_zero(self, test: Self::F, a: Self::F, b: Self::F) -> Self::F {
+        std::array::from_fn(|k| if test[k] > 0.0 { a[k] } else { b[k] })
+    }
+
+    #[inline(always)]
+    fn below(self, a: Self::F, b: Self::F) -> Self::F {
+        std::array::from_fn(|k| f32::from(a[k] < b[k]))
+    }
+
+    #[inline(always)]
+    fn load_counts(self, from: &[u16; 2 * WIDE]) -> Self::U {
+        *from
+    }
+
+    #[inline(always)]
+    fn store_counts(self, v: Self::U) -> [u16; 2 * WIDE] {
+        v
+    }
+
+    #[inline(always)]
+    fn least(self, a: Self::U, b: Self::U) -> Self::U {
+        std::array::from_fn(|k| a[k].min(b[k]))
+    }
+
+    #[inline(always)]
+    fn most(self, a: Self::U, b: Self::U) -> Self::U {
+        std::array::from_fn(|k| a[k].max(b[k]))
+    }
+}
+
+/// AVX2.
+#[cfg(target_arch = "x86_64")]
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Avx2(pulp::x86::V3);
+
+#[cfg(target_arch = "x86_64")]
+impl Wide for Avx2 {
+    type F = pulp::f32x8;
+    type U = pulp::u16x16;
+
+    #[inline(always)]
+    fn load(self, from: &[f32; WIDE]) -> Self::F {
+        pulp::cast(*from)
+    }
+
+    #[inline(always)]
+    fn store(self, v: Self::F) -> [f32; WIDE] {
+        pulp::cast(v)
+    }
+
+    #[inline(always)]
+    fn pattern(self, of: [f32; 2]) -> Self::F {
+        pulp::cast(self.0.splat_f64x4(pulp::cast(of)))
+    }
+
+    #[inline(always)]
+    fn counts(self, from: &[u16; WIDE]) -> Self::F {
+        self.0.convert_i32x8_to_f32x8(self.0.convert_u16x8_to_i32x8(pulp::cast(*from)))
+    }
+
+    #[inline(always)]
+    fn add(self, a: Self::F, b: Self::F) -> Self::F {
+        self.0.add_f32x8(a, b)
+    }
+
+    #[inline(always)]
+    fn sub(self, a: Self::F, b: Self::F) -> Self::F {
+        self.0.sub_f32x8(a, b)
+    }
+
+    #[inline(always)]
+    fn mul(self, a: Self::F, b: Self::F) -> Self::F {
+        self.0.mul_f32x8(a, b)
+    }
+
+    #[inline(always)]
+    fn div(self, a: Self::F, b: Self::F) -> Self::F {
+        self.0.div_f32x8(a, b)
+    }
+
+    #[inline(always)]
+    fn where_above_zero(self, test: Self::F, a: Self::F, b: Self::F) -> Self::F {
+        self.0.select_f32x8(self.0.cmp_gt_f32x8(test, self.0.splat_f32x8(0.0)), a, b)
+    }
+
+    #[inline(always)]
+    fn below(self, a: Self::F, b: Self::F) -> Self::F {
+        let (one, none) = (self.0.splat_f32x8(1.0), self.0.splat_f32x8(0.0));
+        self.0.select_f32x8(self.0.cmp_lt_f32x8(a, b), one, none)
+    }
+
+    #[inline(always)]
+    fn load_counts(self, from: &[u16; 2 * WIDE]) -> Self::U {
+        pulp::cast(*from)
+    }
+
+    #[inline(always)]
+    fn store_counts(self, v: Self::U) -> [u16; 2 * WIDE] {
+        pulp::cast(v)
+    }
+
+    #[inline(always)]
+    fn least(self, a: Self::U, b: Self::U) -> Self::U {
+        self.0.min_u16x16(a, b)
+    }
+
+    #[inline(always)]
+    fn most(self, a: Self::U, b: Self::U) -> Self::U {
+        self.0.max_u16x16(a, b)
+    }
+}
+
+/// Something to do with whatever vectors there are.
+pub(crate) trait Task {
+    /// What comes out.
+    type Output;
+
+    fn run<W: Wide>(self, wide: W) -> Self::Output;
+}
+
+/// Runs a task with the best that the machine has.
+pub(crate) fn run<T: Task>(task: T) -> T::Output {
+    #[cfg(target_arch = "x86_64")]
+    if let Some(v3) = pulp::x86::V3::try_new() {
+        return v3.vectorize(
+            #[inline(always)]
+            || task.run(Avx2(v3)),
+        );
+    }
+    task.run(Plain)
+}

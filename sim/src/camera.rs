@@ -55,6 +55,8 @@ pub struct VirtualCamera {
     sensor: Arc<Sensor>,
     info: CameraInfo,
     exposure_limits_s: [f64; 2],
+    /// Temperature of the air in place of the world's.
+    ambient_c: Option<f64>,
     opened: Instant,
     sequence: u64,
     taken: HashMap<NoiseKey, u64>,
@@ -109,7 +111,11 @@ impl VirtualCamera {
             optics: Arc::new(VirtualOptics::new(instrument, errors)),
             textures: TextureOptics::new(instrument, errors),
             sample: Arc::new(sample),
-            sensor: Arc::new(Sensor::new(instrument, seed)),
+            sensor: Arc::new(match &errors.radiometry {
+                Some(i) => Sensor::new(instrument, seed).with_imperfections(i),
+                None => Sensor::new(instrument, seed),
+            }),
+            ambient_c: errors.radiometry.as_ref().and_then(|i| i.ambient_c),
             info: CameraInfo {
                 name: "virtual camera".to_owned(),
                 serial: format!("virtual-{seed}"),
@@ -194,7 +200,7 @@ impl VirtualCamera {
         let repeat = self.taken.entry(key).or_insert(0);
         key.repeat = *repeat;
         *repeat += 1;
-        let temperature_c = state.ambient_c + SELF_HEATING_K;
+        let temperature_c = self.ambient_c.unwrap_or(state.ambient_c) + SELF_HEATING_K;
         let conditions = Conditions {
             exposure_s: exposure.as_secs_f64(),
             lamp: if light { state.lamp } else { 0.0 },

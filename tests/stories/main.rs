@@ -15,6 +15,7 @@ mod house;
 mod laws;
 mod main_job;
 mod mixing;
+mod radiometry;
 mod real_data;
 mod reliability;
 mod renderers;

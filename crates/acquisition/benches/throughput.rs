@@ -168,6 +168,8 @@ fn bench() {
         relative_variance: vec![1e-5; n],
         certificate_uncertainty: 0.0,
         lamp_relative: 0.0,
+        law: Vec::new(),
+        stray_relative: 0.0,
         serial: String::new(),
         notes: Vec::new(),
     };

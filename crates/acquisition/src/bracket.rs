@@ -123,6 +123,8 @@ pub struct Bracket {
     most: u32,
     taken: Vec<FrameSummary>,
     guess_s: f64,
+    /// Exposures laid down beforehand; empty where the frames decide.
+    series: Vec<Duration>,
 }
 
 impl Bracket {
@@ -134,12 +136,24 @@ impl Bracket {
             most: most.max(1),
             taken: Vec::new(),
             guess_s: guess.as_secs_f64().clamp(limits_s[0], limits_s[1]),
+            series: Vec::new(),
         }
+    }
+
+    /// These exposures, whatever the frames show.
+    #[must_use]
+    pub fn series(exposures: &[Duration]) -> Self {
+        let first = exposures.first().copied().unwrap_or(Duration::from_millis(1));
+        let guess_s = first.as_secs_f64();
+        Self { limits_s: [guess_s; 2], most: 1, taken: Vec::new(), guess_s, series: exposures.to_vec() }
     }
 
     /// The next exposure, or `None` when the pose is well exposed or nothing more can be done.
     #[must_use]
     pub fn proposal(&self) -> Option<Duration> {
+        if !self.series.is_empty() {
+            return self.series.get(self.taken.len()).copied();
+        }
         let Some(last) = self.taken.last() else { return Some(duration(self.guess_s)) };
         if self.taken.len() >= self.most as usize {
             return None;

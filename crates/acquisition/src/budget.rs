@@ -51,7 +51,7 @@ pub fn sharing(part: &str) -> Sharing {
     match part {
         "dark" | "reference" => Sharing::Pixels,
         "certificate" => Sharing::Table,
-        "lamp" => Sharing::Row,
+        "lamp" | "stray" => Sharing::Row,
         "angle" => Sharing::Directions,
         _ => Sharing::Independent,
     }

@@ -24,7 +24,7 @@ struct Group {
     temperature: (f64, u32),
 }
 
-/// Temperature step that doubles the dark current of silicon, K.
+/// Temperature step that doubles the dark current of silicon, K, where no calibration tells the sensor's own.
 pub const DOUBLING_K: f64 = 7.0;
 
 /// Dark signal of every pixel.
@@ -37,6 +37,8 @@ pub struct DarkModel {
     hot: Vec<bool>,
     /// Sensor temperature at which the current was found (that of the longest exposure), °C.
     temperature_c: Option<f64>,
+    /// Temperature step that doubles the current, K.
+    doubling_k: f64,
     /// t̄, seconds.
     pub mean_t_s: f64,
     /// Variance of a mean, electrons².
@@ -95,11 +97,15 @@ impl DarkFrames {
 
     /// A straight line in the exposure time through every pixel's means, each group weighted by its number of frames.
     ///
-    /// With one exposure time alone the nominal black level is the offset. Hot are pixels whose current lies above the
+    /// Pixels that a calibration found hot or dead count as hot whatever the frames say. With one exposure time alone the nominal black level is the offset. Hot are pixels whose current lies above the
     /// median by more than ten robust standard deviations and by more than the noise of its determination.
     #[must_use]
     pub fn model(&self, sensor: &Sensor, pixels: usize) -> DarkModel {
         let mut out = DarkModel::none(pixels);
+        out.doubling_k = sensor.doubling_k;
+        for &p in sensor.defects.iter().filter(|p| (**p as usize) < pixels) {
+            out.hot[p as usize] = true;
+        }
         let n: f64 = self.groups.iter().map(|g| f64::from(g.frames)).sum();
         if n == 0.0 {
             return out;
@@ -140,7 +146,7 @@ impl DarkFrames {
         }
         let bound = median + 10.0 * robust.max(out.current_variance.sqrt());
         for (hot, c) in out.hot.iter_mut().zip(&out.current_e_s) {
-            *hot = f64::from(*c) > bound;
+            *hot |= f64::from(*c) > bound;
         }
         out
     }
@@ -159,6 +165,7 @@ impl DarkModel {
             current_e_s: vec![0.0; pixels],
             hot: vec![false; pixels],
             temperature_c: None,
+            doubling_k: DOUBLING_K,
             mean_t_s: 0.0,
             mean_variance: 0.0,
             current_variance: 0.0,
@@ -180,7 +187,7 @@ impl DarkModel {
     #[must_use]
     pub fn at_temperature(&self, sensor_c: Option<f64>) -> f64 {
         match (sensor_c, self.temperature_c) {
-            (Some(now), Some(then)) => ((now - then) / DOUBLING_K).exp2(),
+            (Some(now), Some(then)) => ((now - then) / self.doubling_k).exp2(),
             _ => 1.0,
         }
     }

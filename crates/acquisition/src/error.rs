@@ -89,6 +89,14 @@ pub enum AcquisitionError {
         /// What is wrong.
         source: ModelError,
     },
+    /// A certificate whose table cannot be used.
+    #[error("the table in the certificate of reference {serial}: {reason}")]
+    CertificateTable {
+        /// Serial number.
+        serial: String,
+        /// What is wrong, and what to do.
+        reason: String,
+    },
     /// A reference session that saw nothing.
     #[error(
         "the white reference session holds no pose in which a pixel sees the reference; scan the white reference again"

@@ -15,6 +15,24 @@ pub fn scatter(readings: &[f64]) -> f64 {
     (sum / (6.0 * (n - 2) as f64)).sqrt() / mean
 }
 
+/// Change from the first reading to the last by the straight line through all of them, relative to their mean; 0 where there are fewer than two.
+#[must_use]
+pub fn drift(readings: &[f64]) -> f64 {
+    let n = readings.len() as f64;
+    let mean = readings.iter().sum::<f64>() / n.max(1.0);
+    if readings.len() < 2 || mean.is_nan() || mean <= 0.0 {
+        return 0.0;
+    }
+    let middle = 0.5 * (n - 1.0);
+    let (mut xy, mut xx) = (0.0, 0.0);
+    for (k, r) in readings.iter().enumerate() {
+        let x = k as f64 - middle;
+        xy += x * (r - mean);
+        xx += x * x;
+    }
+    xy / xx * (n - 1.0) / mean
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -23,6 +41,7 @@ mod tests {
     fn drift_is_no_scatter_and_scatter_is_found() {
         let drifting: Vec<f64> = (0..40).map(|k| 1.0 - 1e-3 * f64::from(k)).collect();
         assert!(scatter(&drifting) < 1e-12);
+        assert!((drift(&drifting) + 0.039 / 0.9805).abs() < 1e-12 && drift(&[1.0]) == 0.0);
         // ± 1 % in a pattern whose second differences have the mean square of noise: 1, 1, −1, −1
         let pattern = [1.0, 1.0, -1.0, -1.0];
         let noisy: Vec<f64> = (0..402).map(|k| 1.0 + 0.01 * pattern[k % 4]).collect();

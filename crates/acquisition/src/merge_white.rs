@@ -23,8 +23,8 @@ impl Merger {
     /// Nothing seen yet.
     #[must_use]
     pub fn new(map: Arc<PixelMap>, options: &Options) -> Self {
-        let sensor = Sensor::new(&map.description().camera, options.saturation, &options.linearity);
-        let dark = DarkModel::none(map.width() * map.height());
+        let sensor = Sensor::of(map.description(), options);
+        let dark = DarkFrames::default().model(&sensor, map.width() * map.height());
         Self { map, sensor, dark_frames: DarkFrames::default(), dark }
     }
 

@@ -11,14 +11,17 @@ use gonio_optics::{Angle, Vec3, quadrature};
 
 use crate::azimuths::{Azimuths, Isotropy};
 use crate::cells::{Binning, Cell, PixelValue, cells, cells_over, side_cells};
+use crate::closure::{self, Repeated};
 use crate::coat::{self, CoatFit, Gloss, Verdict};
 use crate::dark::{DarkFrames, DarkModel};
 use crate::error::AcquisitionError;
 use crate::fill::fill;
 use crate::lamp;
-use crate::merge::check_frames;
+use crate::merge::{check_frames, merge};
 use crate::options::{ClearCoat, Options};
 use crate::pixel_map::{PixelMap, PoseView};
+use crate::radiometry::stray::Stray;
+use crate::radiometry::{chart, face, table_part};
 use crate::reference::WhiteReference;
 use crate::row::Row;
 use crate::sensor::Sensor;
@@ -50,6 +53,12 @@ impl Tilt {
     }
 }
 
+/// The first pose.
+struct First {
+    place: (i64, i64),
+    cells: Vec<Option<Cell>>,
+}
+
 /// Turns poses into a table, one after the other.
 pub struct Reducer {
     map: Arc<PixelMap>,
@@ -58,6 +67,10 @@ pub struct Reducer {
     sensor: Sensor,
     dark_frames: DarkFrames,
     dark: DarkModel,
+    /// Takes stray light off, where the instrument's calibration knows of any.
+    stray: Option<Stray>,
+    /// What its own uncertainty leaves in f, row by row: sum of squares over poses, and their number.
+    stray_rows: Vec<([f64; 3], u32)>,
     rows: Vec<Row>,
     /// The same with the pixels of a gloss replaced by the base around it.
     rows_without_gloss: Vec<Row>,
@@ -67,6 +80,9 @@ pub struct Reducer {
     /// What is kept apart by spin and side, for the test of isotropy.
     azimuths: Azimuths,
     statistics: Vec<PoseStatistics>,
+    /// The first pose (tilt and spin, thousandths of a degree) with its cells, and what it gave once more.
+    first: Option<First>,
+    repeated: Option<Repeated>,
     /// The last tilt: all its spins share what was built for it.
     last: Option<Tilt>,
     sample: SampleRecord,
@@ -89,16 +105,21 @@ impl Reducer {
             options.angle_uncertainty_deg = options.angle_uncertainty_deg.max(record.direction_deg());
         }
         let pixels = map.width() * map.height();
+        let sensor = Sensor::of(map.description(), &options);
         Ok(Self {
-            sensor: Sensor::new(&map.description().camera, options.saturation, &options.linearity),
             dark_frames: DarkFrames::default(),
-            dark: DarkModel::none(pixels),
+            dark: DarkFrames::default().model(&sensor, pixels),
+            sensor,
+            stray: Stray::of(&map),
+            stray_rows: vec![([0.0; 3], 0); options.grid.theta_i_deg.len()],
             rows: vec![Row::default(); options.grid.theta_i_deg.len()],
             rows_without_gloss: vec![Row::default(); options.grid.theta_i_deg.len()],
             hidden: vec![0.0; options.grid.len()],
             gloss: Vec::new(),
             azimuths: Azimuths::default(),
             statistics: Vec::new(),
+            first: None,
+            repeated: None,
             last: None,
             map,
             white,
@@ -148,10 +169,37 @@ impl Reducer {
                 self.last.insert(Tilt::new(key, &self.map, self.map.view(pose), &self.white, &self.options))
             }
         };
-        let swept = tilt.sweep.pose(record, &self.map, &self.sensor, &self.dark)?;
+        let swept = match &self.stray {
+            None => tilt.sweep.pose(record, &self.map, &self.sensor, &self.dark)?,
+            // the whole picture first: light comes astray from pixels that do not see the sample, too
+            Some(stray) => {
+                let all = vec![true; self.map.width() * self.map.height()];
+                let mut merged = merge(record, &self.map, &self.sensor, &self.dark, &all)?;
+                let left = stray.correct(&mut merged.pixels, &self.map);
+                let per_rate =
+                    table_part::per_rate(&self.white.scale, &tilt.view.visible, &self.map, tilt.mean_cos);
+                let (sum, n) = &mut self.stray_rows[ti];
+                for c in 0..3 {
+                    sum[c] += (left[c] * per_rate[c]).powi(2);
+                }
+                *n += 1;
+                tilt.sweep.picture(&merged, &tilt.weights, &self.white.relative_variance)
+            }
+        };
         let bins =
             Binning { azimuths: self.options.grid.phi_deg.len(), min_coverage: self.options.min_coverage };
         let found = cells(&tilt.weights, &swept.sums, &bins);
+        let place = (key, (record.readback.spin.degrees() * 1e3).round() as i64);
+        match &self.first {
+            // the first pose once more is a check, not another spin
+            Some(first) if first.place == place => {
+                self.repeated = closure::repeated(&first.cells, &found);
+                self.statistics.push(PoseStatistics::new(record, theta_i, &swept, &found, &self.options));
+                return Ok(self.statistics.last());
+            }
+            None => self.first = Some(First { place, cells: found.clone() }),
+            Some(_) => {}
+        }
         // two thousandths of a degree are the encoders' rounding
         let off = Angle::from_degrees(if off < 2e-3 { 0.0 } else { off });
         self.rows[ti].add(&found, off, swept.lamp_relative);
@@ -176,6 +224,18 @@ impl Reducer {
         Ok(self.statistics.last())
     }
 
+    /// Takes off what the camera's face threw back, and adds the part of σ that stray light leaves. A gloss of this index is not in the table.
+    fn take_off_returned(&self, m: &mut Measured, gloss_index: Option<f64>) {
+        let Some(stray) = &self.stray else { return };
+        let taken = stray.light().face.map(|k| {
+            let off = face::take_off(m, &self.map, k.value, gloss_index);
+            (off, k.sigma / k.value.abs().max(1e-12))
+        });
+        let rows: Vec<[f64; 3]> =
+            self.stray_rows.iter().map(|(s, n)| s.map(|v| (v / f64::from((*n).max(1))).sqrt())).collect();
+        table_part::add(m, &rows, taken.as_ref().map(|(t, r)| (t.as_slice(), *r)), self.white.stray_relative);
+    }
+
     fn nearest_row(&self, theta_i: Angle) -> (usize, f64) {
         let mut best = (0, f64::INFINITY);
         for (k, deg) in self.options.grid.theta_i_deg.iter().enumerate() {
@@ -191,6 +251,24 @@ impl Reducer {
     #[must_use]
     pub fn statistics(&self) -> &[PoseStatistics] {
         &self.statistics
+    }
+
+    /// What the first pose gave once more at the end, where the plan has it so.
+    #[must_use]
+    pub const fn repeated(&self) -> Option<Repeated> {
+        self.repeated
+    }
+
+    /// The white reference.
+    #[must_use]
+    pub const fn white(&self) -> &WhiteReference {
+        &self.white
+    }
+
+    /// Standard uncertainty of a direction.
+    #[must_use]
+    pub const fn angle_uncertainty(&self) -> Angle {
+        Angle::from_degrees(self.options.angle_uncertainty_deg)
     }
 
     /// What each pose showed at the mirror direction, in the order they came; empty where no coat is looked for.
@@ -240,6 +318,7 @@ impl Reducer {
     #[must_use]
     pub fn snapshot(&self) -> Measured {
         let mut m = self.table(false).0;
+        self.correct_colours(&mut m);
         // parts are for the finished table: a watcher of the scan has no use for megabytes a pose
         m.sigma_parts.clear();
         m.attributes = self.coat_attributes();
@@ -251,8 +330,16 @@ impl Reducer {
     pub fn finish(&self) -> Measured {
         let (mut m, budget, measured) = self.table(self.options.fill);
         crate::budget::complete(&mut m);
+        self.correct_colours(&mut m);
         m.attributes = self.attributes(&budget, measured);
         m
+    }
+
+    /// From the camera's channels to linear Rec. 709, where the calibration has a chart.
+    fn correct_colours(&self, m: &mut Measured) {
+        if let Some(c) = self.map.description().radiometry.as_ref().and_then(|r| r.colour.as_ref()) {
+            chart::take_through(m, &c.matrix);
+        }
     }
 
     /// Where the uncertainty of the measured cells comes from.
@@ -278,6 +365,7 @@ impl Reducer {
             if filling {
                 fill(&mut m, limit);
             }
+            self.take_off_returned(&mut m, None);
             return (m, budget, count);
         };
         let (mut m, budget) = assemble(&self.options.grid, &self.rows_without_gloss, &common, limit);
@@ -287,6 +375,7 @@ impl Reducer {
         if filling && coat::flake_fill::fill(&mut m, &index, limit).is_err() {
             fill(&mut m, limit);
         }
+        self.take_off_returned(&mut m, Some(fit.index));
         let [two_way, single_pass] = coat::separate::bases(&m, &index);
         m.base = Some(two_way);
         m.base_single_pass = Some(single_pass);
@@ -359,8 +448,15 @@ impl Reducer {
         put("units", "1/sr, without the cosine".to_owned());
         put(
             "conventions",
-            "phi = 0 on the light's side, 180 on the mirror side; linear RGB of the camera's channels"
-                .to_owned(),
+            match self.map.description().radiometry.as_ref().and_then(|r| r.colour.as_ref()) {
+                Some(_) => {
+                    "phi = 0 on the light's side, 180 on the mirror side; linear Rec. 709 through a matrix"
+                }
+                None => {
+                    "phi = 0 on the light's side, 180 on the mirror side; linear RGB of the camera's channels"
+                }
+            }
+            .to_owned(),
         );
         put("limit_deg", format!("{}", o.limit_deg));
         put("angle_uncertainty_deg", format!("{}", o.angle_uncertainty_deg));
@@ -384,6 +480,15 @@ impl Reducer {
             "degrees_of_freedom",
             if freedom.is_finite() { format!("{freedom:.0}") } else { "infinite".to_owned() },
         );
+        if let Some(r) = &self.map.description().radiometry {
+            put("radiometry_version", format!("{}", r.version));
+            put("radiometry_good", format!("{}", r.good));
+            if let Some(c) = &r.colour {
+                put("colour_matrix", format!("{:?}", c.matrix));
+                put("colour_delta_e_mean", format!("{:.3}", c.delta_e_mean));
+                put("colour_delta_e_max", format!("{:.3}", c.delta_e_max));
+            }
+        }
         if let Some(record) = &self.map.description().calibration_record {
             put("calibration_version", format!("{}", record.version));
             put("calibration_good", format!("{}", record.good));

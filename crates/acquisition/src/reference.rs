@@ -6,7 +6,8 @@
 
 use std::sync::Arc;
 
-use gonio_brdf::{Brdf, ModelFile};
+use gonio_brdf::formats::measured_csv;
+use gonio_brdf::{Brdf, Flag, ModelFile, Rgb};
 use gonio_instrument::{Certificate, Description, PoseRecord};
 use gonio_optics::{Vec3, quadrature};
 use rayon::prelude::*;
@@ -17,6 +18,7 @@ use crate::footprint::lit_share_at;
 use crate::merge::merge;
 use crate::options::Options;
 use crate::pixel_map::PixelMap;
+use crate::radiometry::{face, stray::Stray};
 use crate::sensor::Sensor;
 
 /// Largest θo at which a white pixel is trusted, degrees: beyond, footprint and certificate both grow uncertain.
@@ -24,6 +26,9 @@ pub const WHITE_LIMIT_DEG: f64 = 77.0;
 
 /// Smallest lit share of a footprint at which a white pixel is trusted.
 const LEAST_LIT: f64 = 0.5;
+
+/// Every so many pixels one is held against the law of cos θi; no multiple of a row, so that all colours take part.
+const LAW_STRIDE: usize = 7;
 
 /// Tiles across the sensor in which a pixel's scale is held against its surroundings.
 const TILES: usize = 40;
@@ -47,13 +52,59 @@ pub struct WhiteReference {
     pub serial: String,
     /// What was accepted though it should not have been; stands in the attributes.
     pub notes: Vec<String>,
+    /// Relative standard uncertainty that stray light left, common to everything.
+    pub stray_relative: f64,
+    /// How each pose's light compares with that of all: the law of cos θi.
+    pub law: Vec<LawPoint>,
+}
+
+/// What a pose of the white reference gives against what all of them together give, by pixels that others see too.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LawPoint {
+    /// Angle of incidence, degrees.
+    pub theta_i_deg: f64,
+    /// Median over the pixels of measured over expected, less 1.
+    pub departure: f64,
+    /// Its standard uncertainty from noise.
+    pub sigma: f64,
+}
+
+/// The BRDF of a certificate.
+///
+/// # Errors
+/// [`AcquisitionError::Certificate`] for a model that cannot be read, [`AcquisitionError::CertificateTable`] for a table that cannot.
+pub fn certified(certificate: &Certificate) -> Result<Box<dyn Brdf>, AcquisitionError> {
+    let text = certificate.brdf.trim_start();
+    if !text.starts_with("theta_i_deg") {
+        let model = ModelFile::from_json(&certificate.brdf)
+            .map_err(|source| AcquisitionError::Certificate { serial: certificate.serial.clone(), source })?;
+        return Ok(Box::new(model));
+    }
+    let refused =
+        |reason: String| AcquisitionError::CertificateTable { serial: certificate.serial.clone(), reason };
+    match measured_csv::read(text.as_bytes()).map_err(|e| refused(e.to_string()))? {
+        measured_csv::Contents::Scattered(_) => Err(refused(
+            "it holds scattered points, which have no value in between; give a product grid".into(),
+        )),
+        measured_csv::Contents::Table(t) if t.flag.contains(&Flag::Invalid) => {
+            Err(refused("cells of it have no value; give a complete grid".into()))
+        }
+        measured_csv::Contents::Table(t) => Ok(t),
+    }
 }
 
 /// Sums over white poses.
 pub struct WhiteBuilder {
     map: Arc<PixelMap>,
     sensor: Sensor,
-    brdf: ModelFile,
+    brdf: Box<dyn Brdf>,
+    /// Takes stray light off, where the instrument's calibration knows of any.
+    stray: Option<Stray>,
+    /// What the reference sends back of light from all around, where the camera's face throws light back.
+    returned: Option<(f64, Vec<Rgb>)>,
+    /// Relative uncertainty that stray light leaves, pose by pose.
+    stray_relative: Vec<f64>,
+    law: Vec<(f64, Vec<(u32, f32)>)>,
     certificate: Certificate,
     notes: Vec<String>,
     dark_frames: DarkFrames,
@@ -143,17 +194,23 @@ impl WhiteBuilder {
         notes: Vec<String>,
         options: &Options,
     ) -> Result<Self, AcquisitionError> {
-        let brdf = ModelFile::from_json(&certificate.brdf)
-            .map_err(|source| AcquisitionError::Certificate { serial: certificate.serial.clone(), source })?;
+        let brdf = certified(certificate)?;
         let pixels = map.width() * map.height();
+        let stray = Stray::of(&map);
+        let kappa = stray.as_ref().and_then(|s| s.light().face).map(|k| k.value);
+        let sensor = Sensor::of(map.description(), options);
         Ok(Self {
-            sensor: Sensor::new(&map.description().camera, options.saturation, &options.linearity),
+            returned: kappa.map(|k| (k, face::from_all_around(brdf.as_ref()))),
+            stray,
+            stray_relative: Vec::new(),
+            law: Vec::new(),
+            dark: DarkFrames::default().model(&sensor, pixels),
+            sensor,
             map,
             brdf,
             certificate: certificate.clone(),
             notes,
             dark_frames: DarkFrames::default(),
-            dark: DarkModel::none(pixels),
             sums: vec![Sums::default(); pixels],
             monitors: Vec::new(),
             poses: 0,
@@ -183,26 +240,51 @@ impl WhiteBuilder {
             .into_par_iter()
             .map(|p| view.visible[p] && view.sample_from_lab.apply(self.map.direction(p)).z > cos_limit)
             .collect();
-        let merged = merge(record, &self.map, &self.sensor, &self.dark, &wanted)?;
+        let mut merged = match &self.stray {
+            // the whole picture: light comes astray from pixels that are not asked for, too
+            Some(_) => merge(record, &self.map, &self.sensor, &self.dark, &vec![true; self.sums.len()])?,
+            None => merge(record, &self.map, &self.sensor, &self.dark, &wanted)?,
+        };
+        let left = self.stray.as_ref().map(|s| s.correct(&mut merged.pixels, &self.map));
         let d = self.map.description();
         let light = Vec3::from_polar(view.theta_i, gonio_optics::Angle::ZERO);
         let lights = quadrature::cone(light, d.lamp.half_angle(), 1);
         let (map, brdf, spot) = (&self.map, &self.brdf, d.lamp.spot_radius_mm);
-        self.sums.par_iter_mut().enumerate().with_min_len(4096).for_each(|(p, sum)| {
-            let m = merged.pixels[p];
-            if !m.is_valid() {
-                return;
-            }
+        let returned = self
+            .returned
+            .as_ref()
+            .map(|(k, r)| (face::onto_face(brdf.as_ref(), map, record.readback).map(|s| k * s * light.z), r));
+        let expected_at = |p: usize| -> Option<f64> {
             let v = view.sample_from_lab.apply(map.direction(p));
             let channel = map.channel(p);
-            let mean: f64 = lights.iter().map(|l| brdf.eval(*l, v)[channel] * l.z.max(0.0)).sum::<f64>()
+            let mut mean: f64 = lights.iter().map(|l| brdf.eval(*l, v)[channel] * l.z.max(0.0)).sum::<f64>()
                 / lights.len() as f64;
+            if let Some((s, r)) = &returned {
+                mean += s[channel] * face::at_view(r, v.z)[channel];
+            }
             let place = map.place_mm(p, &view.sample_from_lab);
             let lit = lit_share_at(place, map.footprint_mm(p), spot, light.z, v);
-            if lit < LEAST_LIT {
+            (lit >= LEAST_LIT).then_some(mean * lit)
+        };
+        let mut law = Vec::new();
+        let mut brightest = 0.0f64;
+        for p in (0..merged.pixels.len()).step_by(LAW_STRIDE).filter(|&p| wanted[p]) {
+            let m = merged.pixels[p];
+            if let Some(a) = expected_at(p).filter(|a| m.is_valid() && *a > 0.0) {
+                law.push((p as u32, (f64::from(m.rate) / a) as f32));
+                brightest = brightest.max(f64::from(m.rate));
+            }
+        }
+        self.law.push((view.theta_i.degrees(), law));
+        if let Some(left) = left {
+            self.stray_relative.push(left.iter().fold(0.0, |a: f64, b| a.max(*b)) / brightest.max(1e-9));
+        }
+        self.sums.par_iter_mut().enumerate().with_min_len(4096).for_each(|(p, sum)| {
+            let m = merged.pixels[p];
+            if !m.is_valid() || !wanted[p] {
                 return;
             }
-            let a = mean * lit;
+            let Some(a) = expected_at(p) else { return };
             let x = f64::from(m.exposure);
             sum.rate += x * f64::from(m.rate);
             sum.expected += x * a;
@@ -247,6 +329,9 @@ impl WhiteBuilder {
         let share = (seen.iter().sum::<f64>() / seen.len().max(1) as f64).sqrt();
         let lamp_relative = share * crate::lamp::scatter(&self.monitors);
         let mut scale = scale;
+        let law = self.law(&scale);
+        let stray_relative =
+            self.stray_relative.iter().sum::<f64>() / self.stray_relative.len().max(1) as f64;
         let strangers = self.drop_pixels_that_see_something_else(&mut scale, &relative_variance);
         let mut notes = self.notes;
         if strangers > 0 {
@@ -262,7 +347,36 @@ impl WhiteBuilder {
             lamp_relative,
             serial: self.certificate.serial,
             notes,
+            law,
+            stray_relative,
         })
+    }
+
+    /// Each pose against all.
+    fn law(&self, scale: &[f32]) -> Vec<LawPoint> {
+        let shared = |p: usize| {
+            let s = &self.sums[p];
+            s.expected > 0.0 && s.expected2 < 0.98 * s.expected * s.expected
+        };
+        self.law
+            .iter()
+            .filter_map(|(theta_i_deg, pixels)| {
+                let mut ratios: Vec<f64> = pixels
+                    .iter()
+                    .filter(|(p, _)| shared(*p as usize) && scale[*p as usize].is_finite())
+                    .map(|(p, r)| f64::from(*r) / f64::from(scale[*p as usize]))
+                    .collect();
+                ratios.sort_unstable_by(f64::total_cmp);
+                let n = ratios.len();
+                let median = *ratios.get(n / 2)?;
+                let spread = 0.5 * (ratios[n - 1 - n / 6] - ratios[n / 6]);
+                (n >= 20).then(|| LawPoint {
+                    theta_i_deg: *theta_i_deg,
+                    departure: median - 1.0,
+                    sigma: 1.25 * spread / (n as f64).sqrt(),
+                })
+            })
+            .collect()
     }
 
     /// Takes out pixels whose scale over the lens's étendue departs from that of the same colour around them: at the edges of shadows and openings

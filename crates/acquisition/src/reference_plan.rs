@@ -61,7 +61,7 @@ pub fn white_plan(map: &PixelMap, sample: &Plan) -> Plan {
         tilts.push(0.0f64.clamp(low, high));
     }
     tilts.sort_by(f64::total_cmp);
-    Plan { tilt_deg: tilts, spin_deg: vec![0.0], repeats: 4, ..sample.clone() }
+    Plan { tilt_deg: tilts, spin_deg: vec![0.0], repeats: 4, ..bracketed(sample) }
 }
 
 /// A plan of angles of incidence as the tilts to be read back on a calibrated instrument; as it is on one that is not calibrated.
@@ -80,11 +80,16 @@ pub fn on_instrument(map: &PixelMap, plan: &Plan) -> Plan {
     Plan { tilt_deg: plan.tilt_deg.iter().map(tilt).collect(), ..plan.clone() }
 }
 
+/// The settings of a plan without what belongs to its own sample: a fixed series of exposures, the first pose once more.
+pub(crate) fn bracketed(sample: &Plan) -> Plan {
+    Plan { exposure_s: Vec::new(), repeat_first: false, ..sample.clone() }
+}
+
 /// A dark scan: one pose, shutter closed.
 #[must_use]
 pub fn dark_plan(sample: &Plan) -> Plan {
     let tilt = sample.tilt_deg.first().copied().unwrap_or(0.0);
-    Plan { tilt_deg: vec![tilt], spin_deg: vec![0.0], ..sample.clone() }
+    Plan { tilt_deg: vec![tilt], spin_deg: vec![0.0], ..bracketed(sample) }
 }
 
 #[cfg(test)]

@@ -10,6 +10,7 @@
 
 mod band;
 mod build;
+mod picture;
 mod window;
 
 use gonio_instrument::PoseRecord;

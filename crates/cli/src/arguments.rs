@@ -207,6 +207,12 @@ pub enum Kind {
     BlackGlassWedge,
     /// Shutter closed
     Dark,
+    /// A white sample at one pose under a series of exposures, with dark frames at each: photon transfer and linearity
+    Flat,
+    /// A matt black sample with a certificate: what the camera's own face throws back
+    Black,
+    /// A light trap in the sample's place: light that comes past the sample
+    Trap,
 }
 
 impl From<Kind> for gonio_instrument::ScanKind {
@@ -217,6 +223,9 @@ impl From<Kind> for gonio_instrument::ScanKind {
             Kind::BlackGlass => Self::BlackGlass,
             Kind::BlackGlassWedge => Self::BlackGlassWedge,
             Kind::Dark => Self::Dark,
+            Kind::Flat => Self::Flat,
+            Kind::Black => Self::Black,
+            Kind::Trap => Self::Trap,
         }
     }
 }
@@ -344,9 +353,12 @@ pub struct ScanArguments {
 pub struct ReplayArguments {
     /// The recorded session
     pub session: PathBuf,
-    /// Sessions of the white reference; by default those found beside the session
+    /// Sessions of the white reference; by default those found beside the session. One of black glass beside it is checked against Fresnel's curve
     #[arg(long)]
     pub reference: Vec<PathBuf>,
+    /// Further sessions of the same sample, taken off and put back: their tables are held against this one's (closure check)
+    #[arg(long)]
+    pub remount: Vec<PathBuf>,
     /// Instrument description in place of the recorded one: TOML, or `reference` / `tiny`
     #[arg(long)]
     pub instrument: Option<String>,

@@ -1,6 +1,7 @@
 //! What each command does, one file each (those that watch running scans share one).
 
 pub mod calibrate;
+mod calibrate_radiometry;
 mod car_paint;
 pub mod colormap;
 pub mod convert;
@@ -16,6 +17,7 @@ pub mod paint;
 mod paint_design;
 mod paint_sweep;
 pub mod plan;
+mod radiometry_report;
 pub mod render;
 pub mod replay;
 pub mod running;

@@ -7,6 +7,7 @@ pub mod adaptive;
 pub mod arguments;
 pub mod batch_inputs;
 pub mod candidates;
+pub mod closure;
 pub mod coat;
 pub mod commands;
 pub mod continuing;

@@ -21,6 +21,8 @@ pub struct Calibrated {
     pub session: PathBuf,
     /// Poses of it that could not be read, in words.
     pub lost: Vec<String>,
+    /// Reference sessions beside it: those that only checks use.
+    pub others: Vec<PathBuf>,
 }
 
 /// A white reference that may be used.
@@ -92,7 +94,8 @@ pub fn calibrate(
         }
     }
     let white = builder.finish().map_err(|e| in_session(&e))?;
-    Ok(Calibrated { map, white, session: path, lost })
+    let others = references.iter().filter(|r| **r != path).cloned().collect();
+    Ok(Calibrated { map, white, session: path, lost, others })
 }
 
 /// The reference sessions of a recorded session: those named, else the one recorded with it, else the one that stands beside it.

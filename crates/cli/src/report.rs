@@ -2,12 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
+use gonio_acquisition::budget;
 use gonio_brdf::{Flag, Measured};
 use gonio_fitter::{Fit, Spread};
 use gonio_render::Report;
+use gonio_render::plots::BudgetBars;
 use gonio_render::report::{
-    Block, ColourDifference, Estimate, Fact, Fit as StandardFit, KeyFigure, Notice, Parameter, Section,
-    Weight, plus_minus, significant, standard_figures,
+    Block, ColourDifference, Estimate, Fact, Figure, Fit as StandardFit, KeyFigure, Notice, Parameter,
+    Section, Weight, plus_minus, significant, standard_figures,
 };
 
 use crate::fitting;
@@ -197,6 +199,30 @@ fn pictures(table: &Measured, fit: Option<&Fit>) -> Section {
                 format!("Parts of the uncertainty, relative, root mean square over measured cells: {b}.")
             })
             .unwrap_or_default(),
-        blocks: vec![Block::Pictures(standard_figures(table, fit))],
+        blocks: vec![Block::Pictures(
+            standard_figures(table, fit).into_iter().chain(budget_bars(table)).collect(),
+        )],
     }
+}
+
+/// The parts of σ as bars, for tables that keep them.
+fn budget_bars(table: &Measured) -> Option<Figure> {
+    let s = budget::summary(table).filter(|s| s.values > 0)?;
+    let bars = BudgetBars {
+        title: "Where the uncertainty comes from".to_owned(),
+        parts: s
+            .lines
+            .iter()
+            .map(|l| (l.part.clone(), 100.0 * l.relative_rms, l.sharing.is_common()))
+            .collect(),
+        total: 100.0 * s.total,
+    };
+    let largest = s.lines.first().map(|l| l.part.clone()).unwrap_or_default();
+    Some(Figure {
+        name: "budget".to_owned(),
+        picture: bars.draw(),
+        caption: "Relative standard uncertainty, root mean square over the measured cells, part by part"
+            .to_owned(),
+        alt: format!("Bars of the parts of the uncertainty; the largest is {largest}"),
+    })
 }

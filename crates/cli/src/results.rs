@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use gonio_acquisition::closure::Check;
 use gonio_acquisition::{PoseStatistics, Reducer};
 use gonio_brdf::Measured;
 use gonio_brdf::formats::{self, Loaded, Target};
@@ -116,6 +117,8 @@ pub struct Story<'a> {
     pub devices: Vec<Fact>,
     /// What was found of a clear coat.
     pub coat: Option<Section>,
+    /// Closure checks.
+    pub closure: &'a [Check],
     /// Poses that are missing, in words.
     pub lost: &'a [String],
 }
@@ -152,6 +155,7 @@ pub fn write_so_far(
         link: None,
         devices: Vec::new(),
         coat: None,
+        closure: &[],
         lost: &["the scan is still running".to_owned()],
     };
     let report = report::build(None, Some(&fit), background(&story, &table));
@@ -184,20 +188,29 @@ fn background(story: &Story<'_>, table: &Measured) -> Background {
     }
     facts.extend(story.devices.iter().cloned());
     let mut sections: Vec<Section> = story.coat.iter().cloned().collect();
+    sections.extend(crate::closure::section(story.closure));
     if !story.poses.is_empty() {
         sections.push(pose_section(story.poses));
     }
     if let Some(link) = story.link {
         sections.push(link_section(&link));
     }
-    let notices = story
-        .lost
-        .iter()
-        .map(|l| gonio_render::report::Notice {
-            weight: gonio_render::report::Weight::Warning,
-            text: l.clone(),
-        })
-        .collect();
+    let mut notices = crate::closure::notices(story.closure);
+    let colours = table.attributes.get("colour_delta_e_mean").zip(table.attributes.get("colour_delta_e_max"));
+    notices.push(gonio_render::report::Notice {
+        weight: gonio_render::report::Weight::Note,
+        text: match colours {
+            Some((mean, max)) => format!(
+                "Colours went through the calibration's matrix: ΔE (CIEDE2000) left over its chart {mean} on average, {max} at most."
+            ),
+            None => "Not colorimetric: colours are those of the camera's channels; a chart in the radiometric calibration tells how far off they are."
+                .to_owned(),
+        },
+    });
+    notices.extend(story.lost.iter().map(|l| gonio_render::report::Notice {
+        weight: gonio_render::report::Weight::Warning,
+        text: l.clone(),
+    }));
     Background { title: title.to_owned(), facts, sections, notices }
 }
 

@@ -12,7 +12,7 @@ pub struct Certificate {
     pub issued: String,
     /// Last day of validity, `YYYY-MM-DD`.
     pub expires: String,
-    /// Its BRDF as the text of a `model.json`.
+    /// Its BRDF: the text of a `model.json`, or a table as measured CSV (a product grid of geometries, 1/sr).
     pub brdf: String,
     /// Relative standard uncertainty (k = 1) of that BRDF.
     pub relative_uncertainty: f64,
@@ -34,6 +34,17 @@ impl Certificate {
             expires: "2099-12-31".to_owned(),
             brdf: r#"{"model":"lambert","diffuse":[0.98,0.98,0.98]}"#.to_owned(),
             relative_uncertainty: 0.0005,
+        }
+    }
+
+    /// The virtual instrument's black: a matt diffuser's 0.03, exact by construction and certified as well as a black can be.
+    #[must_use]
+    pub fn virtual_black() -> Self {
+        Self {
+            serial: "virtual-black-1".to_owned(),
+            brdf: r#"{"model":"lambert","diffuse":[0.03,0.03,0.03]}"#.to_owned(),
+            relative_uncertainty: 0.002,
+            ..Self::virtual_white()
         }
     }
 }

@@ -45,6 +45,9 @@ pub struct Description {
     /// From what the calibration was made, and how surely.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub calibration_record: Option<crate::calibration::CalibrationRecord>,
+    /// What a radiometric calibration found of sensor, lamp and light.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub radiometry: Option<crate::radiometry::Radiometry>,
 }
 
 fn format_name() -> String {
@@ -338,6 +341,9 @@ impl Description {
         }
         if let Some(t) = &self.texture {
             t.check()?;
+        }
+        if let Some(r) = &self.radiometry {
+            r.check(self.camera.pixels())?;
         }
         self.plan.check(self)
     }

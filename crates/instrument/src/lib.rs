@@ -12,9 +12,11 @@ pub mod device;
 pub mod error;
 pub mod exposure;
 pub mod frame;
+pub mod imperfection;
 pub mod misalignment;
 pub mod plan;
 pub mod pose;
+pub mod radiometry;
 pub mod sample;
 pub mod texture;
 
@@ -25,6 +27,7 @@ pub use device::{Camera, CameraInfo, DeviceError, LinkStatistics, Sensors, Stage
 pub use error::FileError;
 pub use exposure::{Exposure, PoseRecord};
 pub use frame::{BayerPattern, Channel, Frame};
+pub use imperfection::Imperfections;
 pub use misalignment::Misalignment;
 pub use plan::Plan;
 pub use pose::Pose;

@@ -42,6 +42,9 @@ pub struct Misalignment {
     pub tilt_repeatability_deg: f64,
     /// Relative drift of the lamp over a plan.
     pub lamp_drift: f64,
+    /// Departures of sensor and light; no geometric calibration finds them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub radiometry: Option<crate::Imperfections>,
 }
 
 impl Misalignment {
@@ -55,6 +58,9 @@ impl Misalignment {
         let scalars = [m.mirror_b_error_mm, m.focal_length_error, m.k1, m.k2, m.tilt_zero_deg, m.lamp_drift];
         if scalars.iter().chain(&m.mirror_shift_mm).chain(&m.camera_shift_mm).any(|v| !v.is_finite()) {
             return Err(FileError::value("misalignment", "a value that is not finite", "finite numbers"));
+        }
+        if let Some(r) = &m.radiometry {
+            r.check()?;
         }
         Ok(m)
     }

@@ -28,6 +28,12 @@ pub struct Plan {
     /// How often each exposure of a bracket is repeated and averaged.
     #[serde(default = "one")]
     pub repeats: u32,
+    /// Exposures to take at each pose in place of automatic bracketing, s; empty for automatic.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub exposure_s: Vec<f64>,
+    /// Whether the first pose is taken once more at the end: what it gives then shows what has changed meanwhile.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub repeat_first: bool,
 }
 
 fn format_name() -> String {
@@ -99,18 +105,34 @@ impl Plan {
         if !(1..=64).contains(&self.max_exposures) {
             return Err(FileError::value("plan.max_exposures", self.max_exposures, "1 to 64"));
         }
+        let [shortest, longest] = instrument.camera.exposure_s;
+        if let Some(t) = self.exposure_s.iter().find(|t| !(shortest..=longest).contains(*t)) {
+            return Err(FileError::Value {
+                field: "plan.exposure_s".to_owned(),
+                found: format!("{t}"),
+                expected: format!("within the camera's exposures {shortest}…{longest} s"),
+            });
+        }
+        if self.exposure_s.len() > 64 {
+            return Err(FileError::value("plan.exposure_s", self.exposure_s.len(), "at most 64 exposures"));
+        }
         if !(1..=1000).contains(&self.repeats) {
             return Err(FileError::value("plan.repeats", self.repeats, "1 to 1000"));
         }
         Ok(())
     }
 
-    /// Every pose in the order of the plan: all spins of a tilt before the next tilt.
+    /// Every pose in the order of the plan: all spins of a tilt before the next tilt, the first once more where the plan says so.
     #[must_use]
     pub fn poses(&self) -> Vec<Pose> {
-        self.tilt_deg
+        let mut poses: Vec<Pose> = self
+            .tilt_deg
             .iter()
             .flat_map(|&t| self.spin_deg.iter().map(move |&s| Pose::from_degrees(t, s)))
-            .collect()
+            .collect();
+        if self.repeat_first {
+            poses.extend(poses.first().copied());
+        }
+        poses
     }
 }

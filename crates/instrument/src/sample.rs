@@ -17,6 +17,12 @@ pub enum ScanKind {
     BlackGlassWedge,
     /// Shutter closed.
     Dark,
+    /// A white sample at one pose under a series of exposures, each at least twice: photon transfer and linearity.
+    Flat,
+    /// A matt black sample with a certificate: what the camera's face throws back.
+    Black,
+    /// A light trap in the sample's place: light that comes past the sample.
+    Trap,
 }
 
 impl ScanKind {
@@ -29,6 +35,9 @@ impl ScanKind {
             Self::BlackGlass => "black-glass",
             Self::BlackGlassWedge => "black-glass-wedge",
             Self::Dark => "dark",
+            Self::Flat => "flat",
+            Self::Black => "black",
+            Self::Trap => "trap",
         }
     }
 }

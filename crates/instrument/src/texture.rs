@@ -97,6 +97,10 @@ impl Description {
         texture.active = true;
         let mut out = self.clone();
         out.camera.size = texture.frame_size();
+        if let Some(r) = &mut out.radiometry {
+            // places on the instrument's own picture mean nothing on that of the heads
+            (r.hot, r.dead, r.stray, r.flat) = (Vec::new(), Vec::new(), None, None);
+        }
         let [low, high] = self.holder.tilt_limits_deg;
         out.plan.tilt_deg = texture.tilt_deg.iter().copied().filter(|t| (low..=high).contains(t)).collect();
         out.plan.spin_deg = vec![0.0];

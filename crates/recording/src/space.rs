@@ -15,7 +15,7 @@ const NOTES_PER_POSE: u64 = 1 << 20;
 /// Most bytes that a session of this plan can take: every pose with its full bracket, incompressible.
 #[must_use]
 pub fn space_needed(plan: &Plan, camera: &CameraGeometry) -> u64 {
-    let poses = plan.tilt_deg.len() as u64 * plan.spin_deg.len() as u64;
+    let poses = plan.tilt_deg.len() as u64 * plan.spin_deg.len() as u64 + u64::from(plan.repeat_first);
     poses.saturating_mul(space_per_pose(plan, camera))
 }
 

@@ -4,6 +4,7 @@
 //! random, and the same input gives the same pixels.
 
 mod axis;
+pub mod budget_bars;
 pub(crate) mod cells;
 pub mod chart;
 mod colorbar;
@@ -17,11 +18,13 @@ pub mod pareto;
 mod polar;
 pub mod scene_geometries;
 pub mod scene_pair;
+pub mod sensor_map;
 pub mod sigma;
 pub mod spots;
 mod strip;
 pub mod unfolded;
 
+pub use budget_bars::BudgetBars;
 pub use cells::model_table;
 pub use chart::{Chart, ChartPoint};
 pub use colour_map::ColourMapPlot;
@@ -32,6 +35,7 @@ pub use lobe::{Channel, Curve, Lobe, lobe};
 pub use pareto::{Pareto, ParetoPoint};
 pub use scene_geometries::scene_geometries;
 pub use scene_pair::SceneRow;
+pub use sensor_map::SensorMap;
 pub use sigma::sigma;
 pub use spots::{SpotMark, SpotPlot};
 pub use unfolded::{Unfolded, brightening, unfolded};

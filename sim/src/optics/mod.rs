@@ -13,6 +13,7 @@ mod pixel_mean;
 pub mod radiance;
 pub mod sample;
 pub mod sensor;
+pub mod stray;
 pub mod texture;
 mod turn;
 

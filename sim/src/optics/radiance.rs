@@ -20,6 +20,7 @@ use super::lamp::Lamp;
 use super::mirror::Ellipsoid;
 use super::pixel_mean::{Averager, Look, Patch};
 use super::sample::Sample;
+use super::stray::{Returned, Stray};
 use crate::flakes::Field;
 
 /// White albedo and time that fix the scale.
@@ -41,6 +42,7 @@ pub struct VirtualOptics {
     pattern: BayerPattern,
     scale_e_per_s: f64,
     spin_offset_mm: f64,
+    stray: Option<Stray>,
 }
 
 /// What a place on the sensor sees.
@@ -81,6 +83,8 @@ struct Scene<'a> {
     beam_free: bool,
     averager: Averager<'a>,
     local: Option<LocalFlakes<'a>>,
+    /// What the camera's face gives back, and the cosine of the light it goes with.
+    returned: Option<(Returned, f64)>,
 }
 
 /// Single flakes under the footprints of a pose.
@@ -109,14 +113,19 @@ impl VirtualOptics {
         let lamp = Lamp::new(description, errors);
         let c = &description.camera;
         let white = SCALE_ALBEDO * std::f64::consts::FRAC_1_PI * description.mirror.reflectance;
+        let scale_e_per_s = 0.5 * c.full_well_e / (SCALE_TIME_S * white);
         Self {
+            stray: errors
+                .radiometry
+                .as_ref()
+                .and_then(|i| Stray::new(description, i, 0.5 * c.full_well_e / SCALE_TIME_S)),
             lens: Lens::new(description, errors),
             mirror: Ellipsoid::new(description, errors, lamp.direction),
             holder: Holder::new(description, errors),
             lamp,
             size: c.size,
             pattern: c.pattern,
-            scale_e_per_s: 0.5 * c.full_well_e / (SCALE_TIME_S * white),
+            scale_e_per_s,
             spin_offset_mm: description.holder.spin_offset_mm,
         }
     }
@@ -125,6 +134,12 @@ impl VirtualOptics {
     #[must_use]
     pub fn scale_e_per_s(&self) -> f64 {
         self.scale_e_per_s
+    }
+
+    /// What goes astray, where anything does.
+    #[must_use]
+    pub fn stray(&self) -> Option<&Stray> {
+        self.stray.as_ref()
     }
 
     /// The lens.
@@ -182,6 +197,9 @@ impl VirtualOptics {
                 self.trace_band(&scene, (band * BAND_ROWS) as u32, out);
             });
         }
+        if let Some(stray) = &self.stray {
+            stray.spread(&mut rates);
+        }
         RateMap { width, height, rates }
     }
 
@@ -204,7 +222,12 @@ impl VirtualOptics {
             light,
             origin: [self.spin_offset_mm * cos, -self.spin_offset_mm * sin],
         });
-        Scene { stand, zone, beam_free, averager, local }
+        let returned = self.stray.as_ref().and_then(|stray| {
+            let axes = stand.axes;
+            let lab = |v: Vec3| axes[0] * v.x + axes[1] * v.y + axes[2] * v.z;
+            Some((stray.returned(sample, light, lab)?, light.z))
+        });
+        Scene { stand, zone, beam_free, averager, local, returned }
     }
 
     fn lit_zone(&self, stand: &Stand) -> LitZone {
@@ -299,7 +322,9 @@ impl VirtualOptics {
                         let lit = 0.25 * (a.lit + b.lit + c.lit + d.lit);
                         let smooth =
                             scene.averager.smooth_part(&patch, channel) * scene.flakes([a, b, c, d], channel);
-                        lit * (smooth + scene.averager.gloss_part(&patch))
+                        let returned =
+                            [a, b, c, d].iter().map(|t| scene.returned(t.look, channel)).sum::<f64>();
+                        lit * (smooth + scene.averager.gloss_part(&patch) + 0.25 * returned)
                     }
                     _ => self.edge_pixel(scene, column, row, channel),
                 };
@@ -319,7 +344,7 @@ impl VirtualOptics {
                 let r = f64::from(row) + (f64::from(j) + 0.5) * step;
                 if let Some(t) = self.trace(scene, c, r) {
                     // the footprint of an edge pixel is as large as any: its own flakes are those of its neighbours
-                    sum += t.lit * scene.averager.place(t.look, channel);
+                    sum += t.lit * (scene.averager.place(t.look, channel) + scene.returned(t.look, channel));
                 }
             }
         }
@@ -336,6 +361,11 @@ struct Hit {
 }
 
 impl Scene<'_> {
+    /// What the camera's face adds to f cos θ at a corner, times k.
+    fn returned(&self, look: Look, channel: usize) -> f64 {
+        self.returned.as_ref().map_or(0.0, |(r, cos)| look.k * cos * r.at(look.view.z, channel))
+    }
+
     /// What the flakes under a pixel send back over what they do on average; 1 for a sample without.
     fn flakes(&self, corners: [&Traced; 4], channel: usize) -> f64 {
         let Some(local) = &self.local else { return 1.0 };

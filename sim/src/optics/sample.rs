@@ -55,7 +55,9 @@ impl Sample {
     pub fn of_kind(kind: ScanKind, truth: &Truth, white: &Certificate) -> Result<Self, ModelError> {
         let sample = match kind {
             ScanKind::Sample | ScanKind::Dark => truth.sample(),
-            ScanKind::White => Self::model(ModelFile::from_json(&white.brdf)?),
+            ScanKind::White | ScanKind::Flat => Self::model(ModelFile::from_json(&white.brdf)?),
+            ScanKind::Black => Self::model(ModelFile::from_json(&Certificate::virtual_black().brdf)?),
+            ScanKind::Trap => Self::diffuser(0.0),
             ScanKind::BlackGlass => Self::glass(BLACK_GLASS_INDEX),
             ScanKind::BlackGlassWedge => Self::glass(BLACK_GLASS_INDEX).on_wedge(WEDGE_ANGLE, WEDGE_AZIMUTH),
         };
@@ -132,6 +134,9 @@ impl Sample {
             ScanKind::BlackGlass => 2,
             ScanKind::BlackGlassWedge => 3,
             ScanKind::Dark => 4,
+            ScanKind::Flat => 5,
+            ScanKind::Black => 6,
+            ScanKind::Trap => 7,
         }
     }
 }

@@ -5,13 +5,15 @@
 //! count     = clamp(black level + round((electrons + read noise) / electrons per count), 0, top code)
 //! ```
 //!
+//! A sensor with [`Imperfections`] reads a signal u, a share of the range, as `u (1 − a u)`, its pixels differ in sensitivity, some are dead.
+//!
 //! The converter's range ends at the full well, so a full pixel reads the top code. Dark current of a pixel is log-normal about
 //! [`DARK_E_PER_S`] at [`DARK_REFERENCE_C`] and doubles every [`DARK_DOUBLING_K`]; a few hot pixels have thousands of times as much.
 //!
 //! Noise is a function of a key alone: each block of rows draws from its own ChaCha8 stream, so neither the number of threads nor what
 //! was exposed before matters.
 
-use gonio_instrument::Description;
+use gonio_instrument::{Description, Imperfections};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -40,8 +42,13 @@ pub struct Sensor {
     seed: u64,
     electrons_per_count: f64,
     read_noise_e: f64,
-    black_level: u32,
+    black_level: f64,
     top_code: u32,
+    /// a of the compression, for signals in counts: a over the range.
+    compression_per_count: f64,
+    /// Sensitivity of each pixel; empty where all are alike.
+    response: Vec<f32>,
+    doubling_k: f64,
     /// Dark current at the reference temperature, e/s.
     dark: Vec<f32>,
     hot: Vec<usize>,
@@ -104,11 +111,65 @@ impl Sensor {
             seed,
             electrons_per_count: c.electrons_per_count(),
             read_noise_e: c.read_noise_e,
-            black_level: c.black_level,
+            black_level: f64::from(c.black_level),
             top_code: c.top_code(),
+            compression_per_count: 0.0,
+            response: Vec::new(),
+            doubling_k: DARK_DOUBLING_K,
             dark,
             hot,
         }
+    }
+
+    /// The sensor with departures from the description. Its fixed pattern of dark current and its noise stay those of the seed.
+    #[must_use]
+    pub fn with_imperfections(mut self, i: &Imperfections) -> Self {
+        let range = f64::from(self.top_code) - self.black_level;
+        self.electrons_per_count *= 1.0 + i.gain_error;
+        self.read_noise_e *= 1.0 + i.read_noise_error;
+        self.black_level += i.black_level_error;
+        self.compression_per_count = i.compression / range;
+        if i.dark_doubling_k > 0.0 {
+            self.doubling_k = i.dark_doubling_k;
+        }
+        for d in &mut self.dark {
+            *d *= 1.0 + i.dark_current_error as f32;
+        }
+        let mut rng = stream(&[self.seed, 0x5e75_0f01], 0);
+        if i.pixel_response > 0.0 || i.dead_pixels > 0 {
+            let z = |rng: &mut ChaCha8Rng| -> f64 { StandardNormal.sample(rng) };
+            self.response =
+                self.dark.iter().map(|_| (1.0 + i.pixel_response * z(&mut rng)).max(0.1) as f32).collect();
+        }
+        for _ in 0..i.dead_pixels {
+            let at = rng.random_range(0..self.response.len());
+            self.response[at] = 0.02;
+        }
+        self
+    }
+
+    /// Electrons per raw count of a small signal.
+    #[must_use]
+    pub fn electrons_per_count(&self) -> f64 {
+        self.electrons_per_count
+    }
+
+    /// Read noise, electrons.
+    #[must_use]
+    pub fn read_noise_e(&self) -> f64 {
+        self.read_noise_e
+    }
+
+    /// Sensitivity of each pixel; empty where all are alike.
+    #[must_use]
+    pub fn response(&self) -> &[f32] {
+        &self.response
+    }
+
+    /// Factor on the dark current at a temperature, for this sensor.
+    #[must_use]
+    pub fn dark_factor_at(&self, temperature_c: f64) -> f64 {
+        ((temperature_c - DARK_REFERENCE_C) / self.doubling_k).exp2()
     }
 
     /// Indices of the hot pixels.
@@ -134,13 +195,15 @@ impl Sensor {
     pub fn noise_free(&self, rates: &[f32], conditions: Conditions) -> Vec<f64> {
         let gain = 1.0 / self.electrons_per_count;
         let t_light = conditions.exposure_s * conditions.lamp;
-        let t_dark = conditions.exposure_s * Self::dark_factor(conditions.temperature_c);
+        let t_dark = conditions.exposure_s * self.dark_factor_at(conditions.temperature_c);
         self.dark
             .iter()
             .enumerate()
             .map(|(i, &dark)| {
                 let light = f64::from(rates.get(i).copied().unwrap_or(0.0));
-                f64::from(self.black_level) + (light * t_light + f64::from(dark) * t_dark) * gain
+                let response = f64::from(self.response.get(i).copied().unwrap_or(1.0));
+                let counts = (light * response * t_light + f64::from(dark) * t_dark) * gain;
+                self.black_level + counts * (1.0 - self.compression_per_count * counts)
             })
             .collect()
     }
@@ -151,10 +214,13 @@ impl Sensor {
         let width = self.width as usize;
         let mut out = vec![0u16; width * self.height as usize];
         let gain = 1.0 / self.electrons_per_count as f32;
-        let (black, top) = (self.black_level as f32, self.top_code as f32);
+        // whole counts apart from the rest: rounding is about the level of the black
+        let (black, part) = (self.black_level.floor() as f32, self.black_level.fract() as f32);
+        let top = self.top_code as f32;
+        let bend = self.compression_per_count as f32;
         let read = self.read_noise_e as f32;
         let t_light = (conditions.exposure_s * conditions.lamp) as f32;
-        let t_dark = (conditions.exposure_s * Self::dark_factor(conditions.temperature_c)) as f32;
+        let t_dark = (conditions.exposure_s * self.dark_factor_at(conditions.temperature_c)) as f32;
         let words = [
             self.seed,
             key.sample,
@@ -170,9 +236,13 @@ impl Sensor {
             for (i, count) in counts.iter_mut().enumerate() {
                 let light = rates.get(from + i).copied().unwrap_or(0.0);
                 let dark = self.dark.get(from + i).copied().unwrap_or(0.0);
-                let electrons = poisson(light * t_light + dark * t_dark, &mut rng);
+                let response = self.response.get(from + i).copied().unwrap_or(1.0);
+                let electrons = poisson(light * response * t_light + dark * t_dark, &mut rng);
                 let z: f32 = StandardNormal.sample(&mut rng);
-                let value = (black + ((electrons + read * z) * gain).round()).clamp(0.0, top);
+                let counts = (electrons + read * z) * gain;
+                // past the peak of the bend nothing is read lower again
+                let bent = counts * (1.0 - (bend * counts).min(0.5));
+                let value = (black + (part + bent).round()).clamp(0.0, top);
                 *count = value as u16;
             }
         });

@@ -17,6 +17,9 @@ impl Engine {
         let before = self.index().checked_sub(1).and_then(|i| self.setup.hints.get(&i));
         let guess = before.copied().unwrap_or(self.hint);
         self.bracket = Bracket::new(self.setup.exposure_s, self.setup.max_exposures, guess);
+        if !self.setup.series.is_empty() {
+            self.bracket = Bracket::series(&self.setup.series);
+        }
         self.repeat = 0;
         self.tries = 0;
         let with_dark = self.setup.kind == ScanKind::Dark || self.index() == 0;

@@ -41,6 +41,8 @@ pub struct Setup {
     pub first_exposure: Duration,
     /// Dark frames, taken at the plan's first pose (at every pose of a dark scan).
     pub dark_exposures: Vec<Duration>,
+    /// Exposures to take at each pose in place of automatic bracketing; empty for automatic.
+    pub series: Vec<Duration>,
     /// Largest departure of the sample's surface from F1, mm.
     pub height_tolerance_mm: f64,
     /// How long the darkest pixels of each pose need, relative to each other ([`crate::demand::exposure_needs`]): what the time left is told from. Where
@@ -54,6 +56,16 @@ impl Setup {
     pub fn new(instrument: Description, plan: Plan, camera: CameraInfo, kind: ScanKind) -> Self {
         let exposure_s = instrument.camera.exposure_s;
         let middle = (exposure_s[0] * exposure_s[1]).sqrt().min(0.01);
+        // whole microseconds: what cameras take and files keep
+        let whole = |s: &f64| Duration::from_micros((s * 1e6).round().max(1.0) as u64);
+        let series: Vec<Duration> = plan.exposure_s.iter().map(whole).collect();
+        let dark_exposures = match kind {
+            // each lit exposure has dark frames of its own
+            ScanKind::Flat if !series.is_empty() => {
+                series.iter().flat_map(|t| vec![*t; plan.repeats.max(1) as usize]).collect()
+            }
+            _ => dark_exposures(exposure_s),
+        };
         Self {
             poses: plan.poses(),
             done: BTreeSet::new(),
@@ -63,7 +75,8 @@ impl Setup {
             max_exposures: plan.max_exposures,
             repeats: plan.repeats.max(1),
             first_exposure: Duration::from_secs_f64(middle.clamp(exposure_s[0], exposure_s[1])),
-            dark_exposures: dark_exposures(exposure_s),
+            dark_exposures,
+            series,
             height_tolerance_mm: HEIGHT_TOLERANCE_MM,
             exposure_needs: Vec::new(),
             instrument,

@@ -12,7 +12,13 @@ const TILTS_DEG: [f64; 8] = [0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 68.0];
 
 fn limited(sample: &Plan, tilts: impl Iterator<Item = f64>, spins: Vec<f64>, limits_deg: [f64; 2]) -> Plan {
     let tilt_deg = tilts.filter(|t| (limits_deg[0]..=limits_deg[1]).contains(t)).collect();
-    Plan { tilt_deg, spin_deg: spins, max_exposures: 5, repeats: 1, ..sample.clone() }
+    Plan {
+        tilt_deg,
+        spin_deg: spins,
+        max_exposures: 5,
+        repeats: 1,
+        ..crate::reference_plan::bracketed(sample)
+    }
 }
 
 /// Black glass on the wedge.

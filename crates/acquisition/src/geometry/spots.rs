@@ -113,9 +113,8 @@ impl SpotFinder {
     /// For a session of black glass of refractive index `index`; `gains` are the channels' relative sensitivities (1 where unknown).
     #[must_use]
     pub fn new(map: Arc<PixelMap>, options: &Options, index: f64, gains: [f64; 3]) -> Self {
-        let camera = &map.description().camera;
-        let sensor = Sensor::new(camera, options.saturation, &options.linearity);
-        let dark = DarkModel::none(map.width() * map.height());
+        let sensor = Sensor::of(map.description(), options);
+        let dark = DarkFrames::default().model(&sensor, map.width() * map.height());
         Self { map, sensor, dark_frames: DarkFrames::default(), dark, index, gains }
     }
 

@@ -49,6 +49,8 @@ impl Bench {
             lamp_relative: 0.0,
             serial: String::new(),
             notes: Vec::new(),
+            law: Vec::new(),
+            stray_relative: 0.0,
         };
         let pose = Pose::from_degrees(tilt_deg, 0.0);
         let view = map.view(pose);

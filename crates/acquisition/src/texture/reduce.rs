@@ -59,7 +59,7 @@ impl TextureReducer {
             return Err(TextureError::OtherHeads);
         }
         Ok(Self {
-            sensor: Sensor::new(&d.camera, options.saturation, &options.linearity),
+            sensor: Sensor::of(d, options),
             white,
             index,
             dark_frames: DarkFrames::default(),

@@ -35,7 +35,7 @@ impl TextureWhiteBuilder {
     pub fn new(map: &Arc<PixelMap>, options: &Options, brdf: ModelFile) -> Self {
         let camera = &map.description().camera;
         Self {
-            sensor: Sensor::new(camera, options.saturation, &options.linearity),
+            sensor: Sensor::of(map.description(), options),
             brdf,
             dark_frames: DarkFrames::default(),
             dark: DarkModel::none(camera.pixels()),

@@ -17,6 +17,31 @@ pub struct CalibrateArguments {
 pub enum Calibration {
     /// Mirror, camera, lens, lamp and axes, from black glass flat and on a wedge; edges seen on a white sample help
     Geometry(GeometryArguments),
+    /// Gain, noise, linearity, dark current, bad pixels, flat field, gloss scale and stray light, from sessions of reference samples
+    Radiometry(RadiometryArguments),
+}
+
+/// `gonio calibrate radiometry`.
+#[derive(Debug, Args)]
+pub struct RadiometryArguments {
+    /// Sessions: --kind flat (needed), dark, white, black-glass, black, trap; dark ones at several temperatures tell how the dark current doubles
+    #[arg(required = true)]
+    pub sessions: Vec<PathBuf>,
+    /// The description to write, with the calibration in it; a file that exists is never overwritten
+    #[arg(short, long)]
+    pub output: PathBuf,
+    /// The description to calibrate in place of that of the sessions: TOML, or `reference` / `tiny`
+    #[arg(long)]
+    pub instrument: Option<String>,
+    /// Refractive index of the black glass
+    #[arg(long, default_value_t = 1.567)]
+    pub index: f64,
+    /// Colour chart, TOML (docs/calibration.md): patches with their Lab and the tables measured of them
+    #[arg(long)]
+    pub chart: Option<PathBuf>,
+    /// Use references whose certificate has expired; recorded in the result
+    #[arg(long)]
+    pub accept_stale: bool,
 }
 
 /// `gonio calibrate geometry`.

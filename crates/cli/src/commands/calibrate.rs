@@ -24,6 +24,7 @@ use crate::{progress, rig};
 pub fn run(a: &CalibrateArguments, printer: Printer) -> Result<Outcome, Failure> {
     match &a.what {
         Calibration::Geometry(g) => geometry(g, printer),
+        Calibration::Radiometry(r) => super::calibrate_radiometry::run(r, printer),
     }
 }
 
@@ -53,15 +54,7 @@ pub fn geometry(a: &GeometryArguments, printer: Printer) -> Result<Outcome, Fail
     let inputs: Vec<&Path> = a.sessions.iter().map(PathBuf::as_path).collect();
     check_apart(&a.output, &inputs)?;
     for path in [&a.output, &picture] {
-        check_free(path, false).map_err(|e| match e {
-            Failure::Usage(text) => {
-                Failure::Usage(text.replace(
-                    " or say --force",
-                    ": calibrations are kept side by side, sessions refer to them",
-                ))
-            }
-            other => other,
-        })?;
+        check_new(path)?;
     }
     let c = calibrate(a)?;
     let text =
@@ -78,6 +71,19 @@ pub fn geometry(a: &GeometryArguments, printer: Printer) -> Result<Outcome, Fail
         ));
     }
     if loss.is_empty() { Ok(Outcome::Done) } else { Ok(Outcome::WithLoss(loss.join("; "))) }
+}
+
+/// Refuses a path that exists: no calibration is ever overwritten.
+///
+/// # Errors
+/// As [`check_free`].
+pub(super) fn check_new(path: &Path) -> Result<(), Failure> {
+    check_free(path, false).map_err(|e| match e {
+        Failure::Usage(text) => Failure::Usage(
+            text.replace(" or say --force", ": calibrations are kept side by side, sessions refer to them"),
+        ),
+        other => other,
+    })
 }
 
 /// Everything but writing and printing.
@@ -142,7 +148,7 @@ pub fn calibrate(a: &GeometryArguments) -> Result<Calibrated, Failure> {
     Ok(Calibrated { description, solution, verdict, without_spot, lost })
 }
 
-fn file_name(path: &Path) -> String {
+pub(super) fn file_name(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 

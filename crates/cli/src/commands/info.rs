@@ -110,6 +110,7 @@ fn toml_file(path: &Path) -> Result<serde_json::Result<Value>, Failure> {
                 "rejected": r.rejected, "spot_rms_px": r.spot_rms_px, "direction_deg": [r.theta_i_deg, r.theta_o_deg, r.light_view_deg],
                 "undetermined": r.undetermined,
             })),
+            "radiometry": d.radiometry.as_ref().map(super::radiometry_report::summary),
         })));
     }
     match Plan::from_toml(&text) {

@@ -10,7 +10,7 @@ use crate::arguments::ReplayArguments;
 use crate::outcome::{Failure, Outcome};
 use crate::output::{Printer, check_apart, check_free, shown};
 use crate::results::{self, Files, Story};
-use crate::{coat, fitting, isotropy, progress, reduction, rig, textures};
+use crate::{closure, coat, fitting, isotropy, progress, reduction, rig, textures};
 
 /// Reduces a session with the same code as a live scan: the same settings give the same bytes.
 ///
@@ -46,6 +46,8 @@ pub fn run(a: &ReplayArguments, printer: Printer) -> Result<Outcome, Failure> {
     coat::insist(&a.coat, &reduced.reducer)?;
     results::write_table(&files.table, &reduced.table)?;
     isotropy::write_table(&reduced.reducer, &files)?;
+    let again = closure::remounted(&a.remount, &calibrated, &options)?;
+    let checks = closure::checks(&reduced.table, &reduced.reducer, &calibrated, &again);
     let mut text = format!(
         "{} of {} poses, reference {}; written to {}\n{}\n{}\n",
         reduced.reducer.statistics().len(),
@@ -55,6 +57,7 @@ pub fn run(a: &ReplayArguments, printer: Printer) -> Result<Outcome, Failure> {
         coat::line(&reduced.reducer),
         isotropy::line(&reduced.reducer),
     );
+    text += &closure::lines(&checks);
     let mut fitted = None;
     if let Some(model) = &a.fit {
         let fit = results::fit(&reduced.table, model)?;
@@ -65,6 +68,7 @@ pub fn run(a: &ReplayArguments, printer: Printer) -> Result<Outcome, Failure> {
             link: None,
             devices: vec![Fact::new("replayed from", a.session.display().to_string())],
             coat: coat::section(&reduced.reducer),
+            closure: &checks,
             lost: &reduced.lost,
         };
         results::write_all(&files, &reduced.table, &fit, &story)?;
@@ -82,6 +86,7 @@ pub fn run(a: &ReplayArguments, printer: Printer) -> Result<Outcome, Failure> {
             "session": shown(&a.session), "output": shown(&a.output), "poses": reduced.reducer.statistics(), "lost": reduced.lost,
             "reference": shown(&calibrated.session), "coat": coat::to_json(&reduced.reducer),
             "isotropy": isotropy::to_json(&reduced.reducer, &files), "fit": fitted,
+            "closure": closure::to_json(&checks),
         }),
     );
     if reduced.lost.is_empty() { Ok(Outcome::Done) } else { Ok(Outcome::WithLoss(reduced.lost.join("; "))) }

@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::sync_channel;
 
+use gonio_acquisition::closure::Check;
 use gonio_acquisition::runner::FrameCounts;
-use gonio_acquisition::{Options, PixelMap, Reducer, geometry, reference_plan};
+use gonio_acquisition::{Options, PixelMap, Reducer, geometry, radiometry, reference_plan};
 use gonio_brdf::Measured;
 use gonio_fitter::Fit;
 use gonio_instrument::{Cancel, Certificate, Description, Plan, PoseRecord, SampleRecord, ScanKind};
@@ -23,7 +24,7 @@ use crate::reduction::{self, Calibrated};
 use crate::results::{self, Files, Story};
 use crate::rig::{self, Rig, Simulated};
 use crate::scanning::{self, Job, Recorded};
-use crate::{adaptive, continuing, fitting, isotropy, signals, textures};
+use crate::{adaptive, closure, continuing, fitting, isotropy, signals, textures};
 
 /// Poses that may wait for the reduction; at eight frames of 2.6 MB some 60 MB.
 const WAITING_POSES: usize = 3;
@@ -38,6 +39,8 @@ pub struct Scanned {
     pub files: Option<Files>,
     /// What was found of a clear coat, with `--fit`.
     pub coat: Option<Told>,
+    /// Closure checks, with `--fit`.
+    pub closure: Vec<Check>,
     /// What the table is without, in words: poses of sample or reference that could not be used.
     pub lost: Vec<String>,
 }
@@ -71,6 +74,7 @@ pub fn run(a: &ScanArguments, printer: Printer) -> Result<Outcome, Failure> {
             fit.status.name(),
             fitting::parameter_lines(fit)
         );
+        text += &closure::lines(&scanned.closure);
         text += &scanned.coat.iter().map(|c| format!("{}\n", c.line)).collect::<String>();
         text += &format!("report: {}\n", files.report.display());
     }
@@ -99,6 +103,7 @@ pub fn run(a: &ScanArguments, printer: Printer) -> Result<Outcome, Failure> {
             "coat": scanned.coat.as_ref().map(|c| &c.json),
             "isotropy": scanned.coat.as_ref().map(|c| &c.isotropy),
             "fit": scanned.fit.as_ref().map(Fit::to_json),
+            "closure": closure::to_json(&scanned.closure),
             "files": scanned.files.as_ref().map(Files::to_json),
             "textures": slices.as_ref().map(textures::Slices::to_json),
         }),
@@ -156,6 +161,9 @@ pub fn scan(a: &ScanArguments, cancel: &Cancel) -> Result<Scanned, Failure> {
         // the texture camera needs its white at the very tilts of the textures
         (ScanKind::White, None) if !a.texture => reference_plan::white_plan(&map, &plan),
         (ScanKind::Dark, None) => reference_plan::dark_plan(&plan),
+        (ScanKind::Flat, None) => radiometry::plans::flat(&plan, &instrument),
+        (ScanKind::Black, None) => reference_plan::white_plan(&map, &plan),
+        (ScanKind::Trap, None) => radiometry::plans::trap(&plan),
         (ScanKind::BlackGlass, None) => geometry::plans::flat(&plan, instrument.holder.tilt_limits_deg),
         (ScanKind::BlackGlassWedge, None) => geometry::plans::wedge(&plan, instrument.holder.tilt_limits_deg),
         _ => plan,
@@ -219,7 +227,14 @@ pub fn scan(a: &ScanArguments, cancel: &Cancel) -> Result<Scanned, Failure> {
                 model,
                 &files,
             ),
-            _ => Ok(Scanned { recorded, fit: None, files: None, coat: None, lost: Vec::new() }),
+            _ => Ok(Scanned {
+                recorded,
+                fit: None,
+                files: None,
+                coat: None,
+                closure: Vec::new(),
+                lost: Vec::new(),
+            }),
         };
     }
     let mut rig =
@@ -248,7 +263,14 @@ pub fn scan(a: &ScanArguments, cancel: &Cancel) -> Result<Scanned, Failure> {
                 asking,
             )?;
             if reducer.statistics().is_empty() {
-                return Ok(Scanned { recorded, fit: None, files: None, coat: None, lost: Vec::new() });
+                return Ok(Scanned {
+                    recorded,
+                    fit: None,
+                    files: None,
+                    coat: None,
+                    closure: Vec::new(),
+                    lost: Vec::new(),
+                });
             }
             conclude(&job, recorded, reducer, lost, calibrated, &options, model, &files)
         }
@@ -257,7 +279,14 @@ pub fn scan(a: &ScanArguments, cancel: &Cancel) -> Result<Scanned, Failure> {
         }
         _ => {
             let recorded = scanning::record(&job, &mut rig, &map, cancel, control.as_ref(), &mut |_| {})?;
-            Ok(Scanned { recorded, fit: None, files: None, coat: None, lost: Vec::new() })
+            Ok(Scanned {
+                recorded,
+                fit: None,
+                files: None,
+                coat: None,
+                closure: Vec::new(),
+                lost: Vec::new(),
+            })
         }
     }
 }
@@ -304,7 +333,14 @@ fn with_fit(
         recorded
     })?;
     if reducer.statistics().is_empty() {
-        return Ok(Scanned { recorded, fit: None, files: None, coat: None, lost: Vec::new() });
+        return Ok(Scanned {
+            recorded,
+            fit: None,
+            files: None,
+            coat: None,
+            closure: Vec::new(),
+            lost: Vec::new(),
+        });
     }
     conclude(job, recorded, reducer, lost, calibrated, options, model, files)
 }
@@ -332,6 +368,7 @@ fn conclude(
         reducer.finish()
     };
     let fit = results::fit(&table, model)?;
+    let checks = closure::checks(&table, &reducer, calibrated, &[]);
     let story = Story {
         sample: &job.sample,
         instrument: &job.instrument.name,
@@ -351,12 +388,20 @@ fn conclude(
             ),
         ],
         coat: coat::section(&reducer),
+        closure: &checks,
         lost: &lost,
     };
     results::write_all(files, &table, &fit, &story)?;
     isotropy::write_table(&reducer, files)?;
     let told = Told::of(&reducer, files);
-    Ok(Scanned { recorded, fit: Some(fit), files: Some(files.clone()), coat: Some(told), lost })
+    Ok(Scanned {
+        recorded,
+        fit: Some(fit),
+        files: Some(files.clone()),
+        coat: Some(told),
+        closure: checks,
+        lost,
+    })
 }
 
 /// The white reference of the virtual instrument: the one beside the output if it is of the same virtual instrument, else a new one.
@@ -437,9 +482,11 @@ fn certificate(a: &ScanArguments, kind: ScanKind, simulated: bool) -> Result<Opt
             .map(Some)
             .map_err(|e| Failure::usage(format!("certificate {}: {e}", path.display()))),
         (None, ScanKind::White, true) => Ok(Some(Certificate::virtual_white())),
-        (None, ScanKind::White, false) => Err(Failure::usage(
-            "a white reference needs its certificate: --certificate FILE, JSON with the keys of `gonio scan --help`",
-        )),
+        (None, ScanKind::Black, true) => Ok(Some(Certificate::virtual_black())),
+        (None, ScanKind::White | ScanKind::Black, false) => Err(Failure::usage(format!(
+            "a {} reference needs its certificate: --certificate FILE, JSON with the keys of `gonio scan --help`",
+            kind.name()
+        ))),
         _ => Ok(None),
     }
 }

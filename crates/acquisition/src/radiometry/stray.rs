@@ -1,0 +1,277 @@
+//! Light that goes astray between lens and sensor, taken off a merged picture.
+//!
+//! What is seen is `y = (1 − g − ε) x + g mean(x) + ε K∗x + haze`: veiling glare g spreads evenly, a tail ε about every point falls off as four Gaussians
+//! of σ, 2σ, 4σ, 8σ with 8 : 4 : 2 : 1 of its light (about r⁻³ between them), haze is lamp light that never met the sample. x follows by fixed-point
+//! iteration, which converges like (g + ε)ⁿ. It is done colour by colour on the tiles of the filter pattern; wide Gaussians are taken on a picture made
+//! smaller. What lies beyond the picture or is saturated in every exposure sends no light that is known of.
+
+use gonio_instrument::radiometry::{Haze, StrayLight};
+
+use crate::merge::Merged;
+use crate::pixel_map::PixelMap;
+
+/// Shares of the tail's Gaussians.
+pub const SHARES: [f64; 4] = [8.0 / 15.0, 4.0 / 15.0, 2.0 / 15.0, 1.0 / 15.0];
+/// Gaussians wider than so many tiles are taken on a smaller picture.
+const WIDE: f64 = 4.0;
+/// Rounds of the iteration: (g + ε)⁴ is 1e-6 for 3 %.
+const ROUNDS: usize = 4;
+
+/// A picture on the tiles of the filter pattern, one colour.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tiles {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Row by row.
+    pub values: Vec<f64>,
+}
+
+/// The three colours of a mosaic: the mean of what of each tile has a value, 0 where nothing has.
+#[must_use]
+pub fn tiles(map: &PixelMap, value: impl Fn(usize) -> f64) -> [Tiles; 3] {
+    let w = map.width();
+    let (width, height) = (w / 2, map.height() / 2);
+    let mut out = [0, 1, 2].map(|_| Tiles { width, height, values: vec![0.0; width * height] });
+    for y in 0..height {
+        for x in 0..width {
+            let (mut sum, mut n) = ([0.0; 3], [0.0f64; 3]);
+            for p in [
+                2 * y * w + 2 * x,
+                2 * y * w + 2 * x + 1,
+                (2 * y + 1) * w + 2 * x,
+                (2 * y + 1) * w + 2 * x + 1,
+            ] {
+                let v = value(p);
+                if v.is_finite() {
+                    sum[map.channel(p)] += v;
+                    n[map.channel(p)] += 1.0;
+                }
+            }
+            for c in 0..3 {
+                out[c].values[y * width + x] = sum[c] / n[c].max(1.0);
+            }
+        }
+    }
+    out
+}
+
+impl Tiles {
+    /// Mean over the picture.
+    #[must_use]
+    pub fn mean(&self) -> f64 {
+        self.values.iter().sum::<f64>() / self.values.len().max(1) as f64
+    }
+
+    /// K∗x for a tail whose narrowest Gaussian has `sigma` tiles.
+    #[must_use]
+    pub fn tails(&self, sigma: f64) -> Self {
+        let mut out = Self { values: vec![0.0; self.values.len()], ..*self };
+        for (j, share) in SHARES.into_iter().enumerate() {
+            let blurred = self.blurred(sigma * f64::from(1 << j));
+            for (o, b) in out.values.iter_mut().zip(&blurred.values) {
+                *o += share * b;
+            }
+        }
+        out
+    }
+
+    /// Convolved with a Gaussian; light that leaves the picture is lost.
+    #[must_use]
+    pub fn blurred(&self, sigma: f64) -> Self {
+        if sigma.is_nan() || sigma <= 1e-6 {
+            return self.clone();
+        }
+        if sigma > WIDE && self.width.min(self.height) >= 16 {
+            // means of 2 × 2 widen by 1/4, their linear interpolation by 1/2 (in tiles²)
+            let rest = (sigma * sigma - 0.75).sqrt() * 0.5;
+            return self.halved().blurred(rest).doubled(self.width, self.height);
+        }
+        let half = kernel(sigma);
+        self.along(&half).turned().along(&half).turned()
+    }
+
+    fn halved(&self) -> Self {
+        let (width, height) = (self.width.div_ceil(2), self.height.div_ceil(2));
+        let at = |x: usize, y: usize| {
+            if x < self.width && y < self.height { self.values[y * self.width + x] } else { 0.0 }
+        };
+        let values = (0..width * height)
+            .map(|i| {
+                let (x, y) = (2 * (i % width), 2 * (i / width));
+                0.25 * (at(x, y) + at(x + 1, y) + at(x, y + 1) + at(x + 1, y + 1))
+            })
+            .collect();
+        Self { width, height, values }
+    }
+
+    fn doubled(&self, width: usize, height: usize) -> Self {
+        let place = |k: usize, n: usize| {
+            let f = (0.5 * (k as f64 + 0.5) - 0.5).clamp(0.0, (n - 1) as f64);
+            let i = (f as usize).min(n.saturating_sub(2));
+            (i, (i + 1).min(n - 1), f - i as f64)
+        };
+        let values = (0..width * height)
+            .map(|i| {
+                let (x0, x1, u) = place(i % width, self.width);
+                let (y0, y1, v) = place(i / width, self.height);
+                let at = |x: usize, y: usize| self.values[y * self.width + x];
+                (1.0 - v) * ((1.0 - u) * at(x0, y0) + u * at(x1, y0))
+                    + v * ((1.0 - u) * at(x0, y1) + u * at(x1, y1))
+            })
+            .collect();
+        Self { width, height, values }
+    }
+
+    fn along(&self, half: &[f64]) -> Self {
+        let w = self.width;
+        let mut values = vec![0.0; self.values.len()];
+        for (to, from) in values.chunks_mut(w).zip(self.values.chunks(w)) {
+            for (x, to) in to.iter_mut().enumerate() {
+                let mut sum = half[0] * from[x];
+                for (k, g) in half.iter().enumerate().skip(1) {
+                    let left = x.checked_sub(k).map_or(0.0, |i| from[i]);
+                    let right = from.get(x + k).copied().unwrap_or(0.0);
+                    sum += g * (left + right);
+                }
+                *to = sum;
+            }
+        }
+        Self { values, ..*self }
+    }
+
+    fn turned(&self) -> Self {
+        let (width, height) = (self.height, self.width);
+        let values = (0..width * height).map(|i| self.values[(i % width) * self.width + i / width]).collect();
+        Self { width, height, values }
+    }
+}
+
+/// Half of a Gaussian averaged over tiles, both halves of which sum to one.
+fn kernel(sigma: f64) -> Vec<f64> {
+    let reach = (4.0 * sigma).ceil().max(1.0) as usize;
+    let points = gonio_optics::quadrature::gauss_legendre(4);
+    let mut half: Vec<f64> = (0..=reach)
+        .map(|k| points.iter().map(|(x, w)| w * (-0.5 * ((k as f64 + x - 0.5) / sigma).powi(2)).exp()).sum())
+        .collect();
+    let sum = 2.0 * half.iter().sum::<f64>() - half[0];
+    half.iter_mut().for_each(|v| *v /= sum);
+    half
+}
+
+/// Takes stray light off pictures.
+#[derive(Clone, Debug)]
+pub struct Stray {
+    light: StrayLight,
+    sigma_tiles: f64,
+}
+
+impl Stray {
+    /// Of an instrument's calibration; `None` where it knows of none.
+    #[must_use]
+    pub fn of(map: &PixelMap) -> Option<Self> {
+        let light = map.description().radiometry.as_ref()?.stray.clone()?;
+        Some(Self::new(map, light))
+    }
+
+    /// Of given stray light.
+    #[must_use]
+    pub fn new(map: &PixelMap, light: StrayLight) -> Self {
+        let sigma_tiles = light.tail_radius_mm / (2e-3 * map.description().camera.pitch_um);
+        Self { light, sigma_tiles }
+    }
+
+    /// What it takes off.
+    #[must_use]
+    pub const fn light(&self) -> &StrayLight {
+        &self.light
+    }
+
+    /// Takes glare, tails and haze off merged pixels (all of them, not only those that see the sample, should have been merged). Returns a standard
+    /// uncertainty for each colour, electrons per second: what the stray light's own uncertainty leaves in a usual pixel.
+    pub fn correct(&self, pixels: &mut [Merged], map: &PixelMap) -> [f64; 3] {
+        let (g, e) = (self.light.glare.value, self.light.tail_share.value);
+        let kept = (1.0 - g - e).max(0.1);
+        let haze = |p: usize| self.light.haze.as_ref().map_or(0.0, |h| haze_at(h, map, p));
+        let seen = tiles(map, |p| f64::from(pixels[p].rate) - haze(p));
+        let mut sigma = [0.0; 3];
+        let mut taken = Vec::with_capacity(3);
+        for (seen, sigma) in seen.iter().zip(&mut sigma) {
+            let mut x = seen.clone();
+            let (mut mean, mut tails) = (x.mean(), x.tails(self.sigma_tiles));
+            for _ in 0..ROUNDS {
+                for ((x, y), t) in x.values.iter_mut().zip(&seen.values).zip(&tails.values) {
+                    *x = (y - g * mean - e * t) / kept;
+                }
+                mean = x.mean();
+                tails = x.tails(self.sigma_tiles);
+            }
+            let usual = tails.values.iter().sum::<f64>() / tails.values.len().max(1) as f64;
+            let h = self.light.haze.as_ref().map_or(0.0, |h| h.sigma_e_s);
+            *sigma =
+                (self.light.glare.sigma * mean).hypot(self.light.tail_share.sigma * usual).hypot(h) / kept;
+            taken.push((mean, tails));
+        }
+        let w = map.width();
+        for (p, m) in pixels.iter_mut().enumerate().filter(|(_, m)| m.is_valid()) {
+            let (mean, tails) = &taken[map.channel(p)];
+            let tile = (p / w / 2).min(tails.height - 1) * tails.width + (p % w / 2).min(tails.width - 1);
+            let astray = g * mean + e * tails.values[tile] + haze(p);
+            m.rate = ((f64::from(m.rate) - astray) / kept) as f32;
+            let widen = (1.0 / (kept * kept)) as f32;
+            (m.shot, m.read, m.dark) = (m.shot * widen, m.read * widen, m.dark * widen);
+        }
+        sigma
+    }
+}
+
+/// Haze at a pixel, electrons per second, linear between the centres of the coarse tiles.
+#[must_use]
+pub fn haze_at(haze: &Haze, map: &PixelMap, pixel: usize) -> f64 {
+    let [across, down] = haze.tiles.map(|n| n as usize);
+    let place = |at: usize, of: usize, n: usize| {
+        let f = ((at as f64 + 0.5) / of as f64 * n as f64 - 0.5).clamp(0.0, n as f64 - 1.0);
+        let i = (f as usize).min(n.saturating_sub(2));
+        (i, (i + 1).min(n - 1), f - i as f64)
+    };
+    let (x0, x1, u) = place(pixel % map.width(), map.width(), across);
+    let (y0, y1, v) = place(pixel / map.width(), map.height(), down);
+    let at = |x: usize, y: usize| f64::from(haze.rates_e_s[y * across + x][map.channel(pixel)]);
+    (1.0 - v) * ((1.0 - u) * at(x0, y0) + u * at(x1, y0)) + v * ((1.0 - u) * at(x0, y1) + u * at(x1, y1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wide_gaussian_on_a_smaller_picture_is_that_of_the_whole_one() {
+        let (width, height) = (96, 80);
+        let mut point = Tiles { width, height, values: vec![0.0; width * height] };
+        point.values[37 * width + 45] = 1.0;
+        for sigma in [0.7, 3.0, 6.0, 11.0] {
+            let b = point.blurred(sigma);
+            let (mut sum, mut second) = (0.0, 0.0);
+            for (i, v) in b.values.iter().enumerate() {
+                sum += v;
+                second += v * ((i % width) as f64 - 45.0).powi(2);
+            }
+            assert!((sum - 1.0).abs() < 2e-3, "{sigma}: {sum}");
+            // a tile is itself as wide as 1/12
+            let wanted = sigma * sigma + 1.0 / 12.0;
+            assert!((second / sum / wanted - 1.0).abs() < 0.02, "{sigma}: {} {wanted}", second / sum);
+            // on a smaller picture a point may stand half a tile off: both sides together do not tell
+            let at = |d: f64| {
+                0.5 * (b.values[37 * width + 45 + d as usize] + b.values[37 * width + 45 - d as usize])
+            };
+            if sigma > 2.0 {
+                let expected = |d: f64| (-0.5 * (d / sigma).powi(2)).exp();
+                for d in [4.0, 9.0] {
+                    let got = at(d) / at(0.0);
+                    assert!((got - expected(d)).abs() < 0.03, "{sigma} {d}: {got} {}", expected(d));
+                }
+            }
+        }
+    }
+}

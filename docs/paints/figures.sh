@@ -18,3 +18,9 @@ sweep brown.textures blue.textures --from=-0.5 --to 1.5 --side 200 -o beyond.png
 for mm in 2 5 20; do
     sweep blue.textures brown.textures --step 0.5 --side 200 --mm-per-unit $mm -o "distance-$mm.png"
 done
+# the picture of docs/flakes.md: textures by the reference instrument, the BRDF over twelve spins by the tiny one
+[ -d silver.textures ] || "$gonio" scan --texture --truth "$here/silver.toml" -o silver.mcap --force
+"$gonio" scan --instrument tiny --plan "$here/spins.toml" --truth "$here/silver.toml" -o silver-spins.mcap --fit=lambert --force
+"$gonio" fit silver-spins.nc --model car-paint --coat 1.5 --flakes silver.textures -o silver.paint --force
+"$gonio" render silver.paint --scene "$here/ball.toml" --mm-per-unit 4 -o flakes-near.png --force
+"$gonio" render silver.paint --scene "$here/ball.toml" --mm-per-unit 60 -o flakes-far.png --force

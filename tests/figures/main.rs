@@ -4,6 +4,7 @@
 
 mod accuracy;
 mod bench_scan;
+mod car_paint;
 mod coat;
 mod common;
 mod convergence;
@@ -110,6 +111,7 @@ const GROUPS: &[Group] = &[
     ("scene-choice", scene_choice::figures),
     ("scene-plans", scene_plans::figures),
     ("rays", rays::figures),
+    ("car-paint", car_paint::figures),
     ("mixing", mixing::figures),
     ("mixing-speed", mixing::speed),
 ];

@@ -245,8 +245,13 @@ fn a_paint_is_converted_told_of_fitted_and_rendered_with_its_flakes() {
         let fit = bench.ok(&[&words[..], more].concat()).json();
         fit["fit"]["delta_e"]["beyond_15_deg"]["mean"].as_f64().expect("a number")
     };
+    // 32 × 32 texels show too few flakes for their mean: brought to the level of the measurement they agree with it
     let (without, with) = (error(&[]), error(&["--flakes", "T.textures", "-o", "sparkling.paint"]));
-    assert!(without < 0.5 && with < 6.0, "{without} without flakes, {with} with their textures");
+    let kept = error(&["--flakes", "T.textures", "--keep-flake-level"]);
+    assert!(
+        without < 0.1 && with < 0.3 && with < 0.2 * kept,
+        "{without} without flakes, {with} with their textures, {kept} with textures as they are"
+    );
     let info = bench.ok(&["info", "sparkling.paint", "--json"]).json();
     assert_eq!(info["flakes"]["kind"], "slices");
     bench.ok(&["render", "sparkling.paint", "--scene", "scene.toml", "-o", "flakes.exr"]);

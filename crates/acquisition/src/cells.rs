@@ -130,6 +130,20 @@ pub(crate) fn cells(weights: &Weights, sums: &[Sum], bins: &Binning) -> Vec<Opti
     out
 }
 
+/// The cells of each side of the plane of incidence by itself: φ ≥ 0 first, then φ < 0, either as [`cells`].
+#[must_use]
+pub(crate) fn side_cells(weights: &Weights, sums: &[Sum], bins: &Binning) -> Vec<Option<Cell>> {
+    let cap = has_cap(weights, bins.azimuths);
+    (0..weights.bins())
+        .map(|bin| {
+            let cell = bin % (weights.bins() / 2);
+            let first = if cap && cell < bins.azimuths { bin - cell } else { bin };
+            let mine = [0, 1, 2].map(|c| sums[first * 3 + c]);
+            one(weights, &[mine, Default::default()], [first; 2], bins.min_coverage)
+        })
+        .collect()
+}
+
 /// Whether the row about the normal is one cap shared by all azimuths; its weights are kept in the first.
 fn has_cap(weights: &Weights, azimuths: usize) -> bool {
     weights.coverage(0) > 0.0 && (1..azimuths).all(|k| weights.coverage(k) == 0.0)

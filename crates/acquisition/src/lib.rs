@@ -7,6 +7,7 @@
 //!
 //! Left to others: which device stands behind `Stage` and `Camera`, how a session is written, and what is fitted to the table.
 
+pub mod azimuths;
 pub mod bracket;
 pub mod budget;
 pub mod cells;
@@ -40,6 +41,7 @@ pub mod table;
 pub mod texture;
 pub mod weights;
 
+pub use azimuths::{Grain, Isotropy};
 pub use coat::{CoatFit, Gloss, Verdict};
 pub use engine::{Engine, Outcome, Phase, Progress, Setup};
 pub use error::AcquisitionError;

@@ -5,11 +5,12 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use gonio_brdf::models::Coat;
-use gonio_brdf::{Flag, Measured};
+use gonio_brdf::{Anisotropic, Flag, Meaning, Measured};
 use gonio_instrument::{PoseRecord, SampleRecord};
 use gonio_optics::{Angle, Vec3, quadrature};
 
-use crate::cells::{Binning, Cell, PixelValue, cells, cells_over};
+use crate::azimuths::{Azimuths, Isotropy};
+use crate::cells::{Binning, Cell, PixelValue, cells, cells_over, side_cells};
 use crate::coat::{self, CoatFit, Gloss, Verdict};
 use crate::dark::{DarkFrames, DarkModel};
 use crate::error::AcquisitionError;
@@ -63,6 +64,8 @@ pub struct Reducer {
     /// Largest share of a cell's weight that a gloss hid, over the whole grid.
     hidden: Vec<f32>,
     gloss: Vec<Gloss>,
+    /// What is kept apart by spin and side, for the test of isotropy.
+    azimuths: Azimuths,
     statistics: Vec<PoseStatistics>,
     /// The last tilt: all its spins share what was built for it.
     last: Option<Tilt>,
@@ -94,6 +97,7 @@ impl Reducer {
             rows_without_gloss: vec![Row::default(); options.grid.theta_i_deg.len()],
             hidden: vec![0.0; options.grid.len()],
             gloss: Vec::new(),
+            azimuths: Azimuths::default(),
             statistics: Vec::new(),
             last: None,
             map,
@@ -151,6 +155,10 @@ impl Reducer {
         // two thousandths of a degree are the encoders' rounding
         let off = Angle::from_degrees(if off < 2e-3 { 0.0 } else { off });
         self.rows[ti].add(&found, off, swept.lamp_relative);
+        // spin s turns the sample, so the light goes round it the other way; a tilt to the other side puts it opposite
+        let phi_i =
+            if record.readback.tilt.degrees() < 0.0 { 180.0 } else { 0.0 } - record.readback.spin.degrees();
+        self.azimuths.add(ti, phi_i, &side_cells(&tilt.weights, &swept.sums, &bins));
         self.statistics.push(PoseStatistics::new(record, theta_i, &swept, &found, &self.options));
         if self.options.clear_coat != ClearCoat::None {
             let without = {
@@ -189,6 +197,23 @@ impl Reducer {
     #[must_use]
     pub fn gloss(&self) -> &[Gloss] {
         &self.gloss
+    }
+
+    /// What turning the sample shows; `None` before a pose.
+    #[must_use]
+    pub fn isotropy(&self) -> Option<Isotropy> {
+        self.azimuths.isotropy(&self.options.grid, self.options.limit_deg)
+    }
+
+    /// The table over four angles, as seen: nothing is filled and no coat taken off.
+    #[must_use]
+    pub fn azimuth_table(&self) -> Anisotropic {
+        let meaning = Meaning::CellMean { lamp_half_angle: self.map.description().lamp.half_angle() };
+        let common = self.white.certificate_uncertainty.hypot(self.white.lamp_relative);
+        let o = &self.options;
+        let mut t = self.azimuths.table(&o.grid, meaning, o.limit_deg, common);
+        t.attributes = self.sample_attributes();
+        t
     }
 
     /// Whether there is a coat to separate, as far as the poses tell.
@@ -297,9 +322,9 @@ impl Reducer {
         a
     }
 
-    fn attributes(&self, budget: &Budget, measured: usize) -> BTreeMap<String, String> {
-        let o = &self.options;
-        let mut a = self.coat_attributes();
+    /// What was measured with what, and whether it looks the same when turned.
+    fn sample_attributes(&self) -> BTreeMap<String, String> {
+        let mut a = BTreeMap::new();
         let mut put = |k: &str, v: String| {
             if !v.is_empty() {
                 a.insert(k.to_owned(), v);
@@ -314,6 +339,22 @@ impl Reducer {
         put("sample_note", self.sample.note.clone());
         put("reference_serial", self.white.serial.clone());
         put("reference_notes", self.white.notes.join("; "));
+        if let Some(found) = self.isotropy() {
+            put("isotropy", found.verdict.name().to_owned());
+            put("isotropy_why", found.sentence());
+        }
+        a
+    }
+
+    fn attributes(&self, budget: &Budget, measured: usize) -> BTreeMap<String, String> {
+        let o = &self.options;
+        let mut a = self.coat_attributes();
+        a.append(&mut self.sample_attributes());
+        let mut put = |k: &str, v: String| {
+            if !v.is_empty() {
+                a.insert(k.to_owned(), v);
+            }
+        };
         put("common_relative_uncertainty", format!("{}", self.white.certificate_uncertainty));
         put("units", "1/sr, without the cosine".to_owned());
         put(

@@ -248,6 +248,7 @@ impl Hands<'_> {
             Ok(f) => f,
             Err(e) => {
                 self.frames.failed(&e);
+                self.observer.camera(&self.frames.counts());
                 return Event::Failed(e);
             }
         };

@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use forward::{Noise, coarse, frame, rates};
 use gonio_acquisition::reference_plan::white_plan;
+use gonio_acquisition::runner::FrameCounts;
 use gonio_acquisition::{
     AcquisitionError, Journal, Observer, Options, Outcome, PixelMap, Reducer, Setup, WhiteBuilder,
     WhiteReference, reference, run,
@@ -339,6 +340,40 @@ fn a_torn_frame_is_taken_again() {
     let outcome = run(s, &map, &mut stage, &mut camera, &mut journal, &Cancel::new(), &mut keep);
     assert_eq!(outcome, Outcome::Done);
     assert_eq!(keep.0.len(), 3);
+}
+
+/// A camera that never gives a frame in time.
+struct Deaf(FakeCamera, u64);
+
+impl Camera for Deaf {
+    fn info(&self) -> CameraInfo {
+        self.0.info()
+    }
+    fn capture(&mut self, exposure: Duration, _: &Cancel) -> Result<Frame, DeviceError> {
+        self.1 += 1;
+        Err(DeviceError::Timeout { device: "deaf".into(), what: "a frame".into(), waited: exposure })
+    }
+}
+
+#[derive(Default)]
+struct Counted(FrameCounts);
+
+impl Observer for Counted {
+    fn camera(&mut self, frames: &FrameCounts) {
+        self.0 = *frames;
+    }
+}
+
+#[test]
+fn frames_that_never_came_are_told_even_where_none_follows() {
+    let d = coarse(16);
+    let map = PixelMap::new(&d);
+    let (_, mut stage, camera) = devices(&d, Box::new(truth()));
+    let (mut deaf, mut counted) = (Deaf(camera, 0), Counted::default());
+    let s = setup(&d, &plan(), ScanKind::Sample);
+    let outcome = run(s, &map, &mut stage, &mut deaf, &mut Memory::default(), &Cancel::new(), &mut counted);
+    assert!(!matches!(outcome, Outcome::Done), "{outcome:?}");
+    assert!(deaf.1 > 0 && counted.0.timed_out == deaf.1, "{} captures, told {:?}", deaf.1, counted.0);
 }
 
 #[test]

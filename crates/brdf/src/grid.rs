@@ -35,10 +35,15 @@ impl Grid {
     /// # Errors
     /// What is wrong, with the axis and the node.
     pub fn check(&self) -> Result<(), String> {
+        self.check_within(180.0)
+    }
+
+    /// The same for azimuths up to another limit.
+    pub(crate) fn check_within(&self, azimuths: f64) -> Result<(), String> {
         let axes = [
             ("theta_i", &self.theta_i_deg, 90.0),
             ("theta_o", &self.theta_o_deg, 90.0),
-            ("phi", &self.phi_deg, 180.0),
+            ("phi", &self.phi_deg, azimuths),
         ];
         for (name, nodes, limit) in axes {
             if nodes.is_empty() {

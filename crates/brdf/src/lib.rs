@@ -6,6 +6,7 @@
 //!
 //! `f` is the BRDF in 1/sr without the cosine, linear Rec. 709 RGB.
 
+pub mod anisotropic;
 pub mod average;
 pub mod export;
 pub mod formats;
@@ -17,6 +18,7 @@ pub mod scattered;
 
 use gonio_optics::Vec3;
 
+pub use anisotropic::Anisotropic;
 pub use grid::Grid;
 pub use measured::{Flag, Meaning, Measured};
 pub use models::{Coat, Model, ModelError, ModelFile};

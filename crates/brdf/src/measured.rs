@@ -145,7 +145,7 @@ impl Measured {
 }
 
 /// Lower neighbour and the fraction towards the next.
-fn locate(nodes: &[f64], x: f64) -> (usize, f64) {
+pub(crate) fn locate(nodes: &[f64], x: f64) -> (usize, f64) {
     let last = nodes.len().saturating_sub(1);
     // not a number: the first node
     if last == 0 || x.is_nan() || x <= nodes[0] {

@@ -468,6 +468,9 @@ pub struct FitArguments {
     /// With --model car-paint: a folder of flake textures (slices.toml) whose mean the measurement contains
     #[arg(long, value_name = "FOLDER")]
     pub flakes: Option<PathBuf>,
+    /// With --flakes: keep the textures as they are, instead of bringing the mean of each slice to the measured BRDF
+    #[arg(long, requires = "flakes")]
+    pub keep_flake_level: bool,
     /// Overwrite the outputs
     #[arg(long)]
     pub force: bool,

@@ -89,9 +89,13 @@ pub fn figures(settings: &Settings) -> Vec<Figure> {
         // a frame given twice takes the place of one that never comes
         // this camera's first frame is number 0
         let missing = counts.missing + counts.first.unwrap_or(0);
+        let before = unaccounted;
         unaccounted += missing.abs_diff(done.dropped + done.duplicated);
         unaccounted += counts.repeated.abs_diff(done.duplicated);
         unaccounted += counts.timed_out.abs_diff(done.late);
+        if unaccounted > before {
+            eprintln!("scan {scans}, {outcome:?}: the camera did {done:?}, the scan saw {counts:?}");
+        }
         damaged += u64::from(!verify(&path).is_ok_and(|r| r.status == Status::Intact));
         let kept: u64 =
             Session::open(&path).map_or(0, |s| s.poses().flatten().map(|p| p.exposures.len() as u64).sum());

@@ -102,6 +102,13 @@ fn parse(
         Loaded::Function(Function { brdf, format, name, notes, flake_map: None })
     };
     Ok(match format {
+        Format::Netcdf if netcdf::has_azimuths(bytes) => {
+            let table = netcdf::read_anisotropic(bytes)?;
+            let mut notes = table.attributes.clone();
+            notes.insert("azimuths_of_light".to_owned(), table.phi_i_deg.len().to_string());
+            let name = notes.get("sample_name").cloned().unwrap_or_else(stem);
+            function(Box::new(table), name, notes)
+        }
         Format::Netcdf => Loaded::Table(Box::new(netcdf::read(bytes)?)),
         Format::MeasuredCsv => match measured_csv::read(bytes)? {
             measured_csv::Contents::Table(table) => Loaded::Table(table),

@@ -10,15 +10,19 @@
 //! global      gonio_format, gonio_format_version, Conventions, value, lamp_half_angle_deg, azimuth_convention, …, gonio_digest
 //! ```
 //!
+//! A sample that looks different when it is turned has one dimension more, phi_i (azimuth of the light on the sample), first of all, and phi over the whole circle.
+//!
 //! `gonio_digest` is the SHA-256 of the whole file with the 64 digits of the digest itself written as `0`; it covers header,
 //! data and padding, so any changed bit is found. Files are the same byte for byte whenever the table is the same.
 //! [`write`] makes the bytes, [`read`] takes ours and any classic file that has these variables; [`classic`] is the bounded reader below both.
 
+mod anisotropic;
 pub(crate) mod classic;
 mod digest;
 mod read;
 mod write;
 
+pub use anisotropic::{has_azimuths, read as read_anisotropic, write as write_anisotropic};
 pub use read::read;
 pub use write::write;
 

@@ -53,9 +53,16 @@ pub fn fit(a: &FitArguments, input: &str, printer: Printer) -> Result<Outcome, F
     };
     let mut notes = Map::new();
     notes.insert("source".to_owned(), json!(effect::title(input)));
-    let flakes = a.flakes.as_deref().map(|folder| flakes(folder, coat, &mut notes)).transpose()?;
+    let (flakes, flake_floors) = match a.flakes.as_deref() {
+        Some(folder) => {
+            let (flakes, floors) = flakes(folder, coat, &mut notes)?;
+            (Some(flakes), (!a.keep_flake_level).then_some(floors))
+        }
+        None => (None, None),
+    };
     let lobes = gonio_fitter::Options { coat, loss: a.loss.parse().map_err(Failure::usage)?, ..plain };
-    let options = PaintOptions { name: effect::title(input), lobes, flakes, ..PaintOptions::default() };
+    let options =
+        PaintOptions { name: effect::title(input), lobes, flakes, flake_floors, ..PaintOptions::default() };
     let table = match &loaded {
         Loaded::Scattered(_) => None,
         other => other.to_measured(&Grid::sopp()),
@@ -72,6 +79,7 @@ pub fn fit(a: &FitArguments, input: &str, printer: Printer) -> Result<Outcome, F
     let told = json!({
         "status": fitted.lobes.status.name(), "sentence": fitted.lobes.sentence(), "cells_used": fitted.lobes.cells_used,
         "delta_e": delta_e, "delta_e_of_lobes_alone": compared, "nodes_seen": fitted.nodes_seen,
+        "flake_level": fitted.flake_level.map(|l| json!({ "p5": l.p5, "median": l.median, "p95": l.p95 })),
     });
     notes.insert("fit".to_owned(), told.clone());
     if let Some(path) = &a.output {
@@ -94,6 +102,12 @@ pub fn fit(a: &FitArguments, input: &str, printer: Printer) -> Result<Outcome, F
         100.0 * fitted.nodes_seen,
         fitted.lobes.sentence()
     );
+    if let Some(l) = fitted.flake_level {
+        text += &format!(
+            "  flake textures brought to the level of the measurement by factors of {:.2} (5 %), {:.2} (half), {:.2} (95 %)\n",
+            l.p5, l.median, l.p95
+        );
+    }
     let paint = describe(&fitted.paint, &Map::new());
     printer.result(
         &text,
@@ -103,7 +117,11 @@ pub fn fit(a: &FitArguments, input: &str, printer: Printer) -> Result<Outcome, F
 }
 
 /// The textures of a folder, which must lie under the coat that is fitted with.
-fn flakes(folder: &Path, coat: CoatChoice, notes: &mut Map<String, Value>) -> Result<Flakes, Failure> {
+fn flakes(
+    folder: &Path,
+    coat: CoatChoice,
+    notes: &mut Map<String, Value>,
+) -> Result<(Flakes, Vec<gonio_brdf::Rgb>), Failure> {
     let read = read_btf_folder(folder).map_err(Failure::usage)?;
     for note in &read.notes {
         eprintln!("note: {note}");
@@ -131,9 +149,9 @@ fn flakes(folder: &Path, coat: CoatChoice, notes: &mut Map<String, Value>) -> Re
     }
     notes.insert("flakes".to_owned(), json!(folder.file_name().unwrap_or_default().to_string_lossy()));
     // what lies between the flakes is the base, which is fitted
-    let (btf, _) = above_floor(&read.btf, FLOOR).map_err(Failure::usage)?;
+    let (btf, floors) = above_floor(&read.btf, FLOOR).map_err(Failure::usage)?;
     let slices = FlakeSlices::new(std::sync::Arc::new(btf), read.texel_mm).map_err(Failure::usage)?;
-    Ok(Flakes::Slices(slices))
+    Ok((Flakes::Slices(slices), floors))
 }
 
 /// `gonio convert IN OUT.paint`: a row of published car paints, a paint, or a cook-torrance model.

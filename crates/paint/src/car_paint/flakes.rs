@@ -164,6 +164,24 @@ impl FlakeSlices {
         &self.btf
     }
 
+    /// Side of a texel on the surface, mm.
+    #[must_use]
+    pub fn texel_mm(&self) -> f64 {
+        self.texel_mm
+    }
+
+    /// Half angles of the slices.
+    #[must_use]
+    pub fn half(&self) -> &AngleAxis {
+        &self.half
+    }
+
+    /// Angles of incidence of the slices.
+    #[must_use]
+    pub fn incidence(&self) -> &AngleAxis {
+        &self.incidence
+    }
+
     /// Mean of each slice, in order of half angle, then angle of incidence, 1/sr.
     #[must_use]
     pub fn means(&self) -> &[Rgb] {

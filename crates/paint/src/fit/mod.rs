@@ -1,6 +1,7 @@
 //! A car paint for a measured BRDF, without starting values: lobes on brightness, then colours (Günther et al. 2005; Rump et al. 2008).
 //!
-//! 1. What the flakes add on average, where they are known, is taken off the measurement.
+//! 1. Flake textures are brought to the level of the measurement where what lies between the flakes is known ([`FlakeLevel`]); what they add on average is
+//!    taken off.
 //! 2. Lambert and up to three Cook–Torrance lobes under the coat are fitted to the mean of the three channels ([`gonio_fitter`]): widths, r0 and grey coefficients.
 //! 3. χ(θh̄, θī) takes up what is left, per channel: the factor on the nodes of a table that brings the base closest to the measurement, found by weighted
 //!    least squares of the relative error with a penalty on its curvature, which also fills nodes no measurement touches.
@@ -9,15 +10,18 @@
 //! varies far slower than a lobe).
 
 mod colour;
+mod level;
+mod relative;
 mod subject;
 #[cfg(test)]
 mod tests;
 
-use gonio_brdf::{Coat, Model};
+use gonio_brdf::{Coat, Model, Rgb};
 use gonio_fitter::{Assessment, CoatChoice, Fit, ModelChoice, Options, Weights, assess_brdf};
 
 use crate::car_paint::{CarPaint, CarPaintError, CarPaintParts, Flakes, Through};
 
+pub use level::FlakeLevel;
 pub use subject::Subject;
 
 /// How a paint is fitted.
@@ -33,6 +37,9 @@ pub struct PaintOptions {
     pub colour_nodes: Option<[usize; 2]>,
     /// Flakes, whose mean the measurement contains.
     pub flakes: Option<Flakes>,
+    /// What lies between the flakes of each slice, in order of half angle, then angle of incidence, 1/sr ([`crate::flake_floor`]): with it textures are
+    /// brought to the level of the measurement, without it they stay as they are.
+    pub flake_floors: Option<Vec<Rgb>>,
 }
 
 impl Default for PaintOptions {
@@ -43,6 +50,7 @@ impl Default for PaintOptions {
             lobe_count: 3,
             colour_nodes: Some([24, 16]),
             flakes: None,
+            flake_floors: None,
         }
     }
 }
@@ -58,6 +66,8 @@ pub struct PaintFit {
     pub errors: Assessment,
     /// Share of χ's nodes that a measurement touches; 0 without χ.
     pub nodes_seen: f64,
+    /// By what factors the flake textures were brought to the level of the measurement; `None` where they stayed.
+    pub flake_level: Option<FlakeLevel>,
 }
 
 /// A paint that could not be fitted.
@@ -85,12 +95,24 @@ pub fn fit_paint(subject: &Subject<'_>, options: &PaintOptions) -> Result<PaintF
         CoatChoice::Index(n) => Some(Coat { index: n }),
         _ => None,
     };
-    let mut without_flakes = subject.to_owned_data();
-    if let Some(flakes) = &options.flakes {
+    let whole = subject.to_owned_data();
+    let mut without_flakes = whole.clone();
+    let mut flakes = options.flakes.clone();
+    let mut flake_level = None;
+    if let Some(known) = &mut flakes {
         if options.lobes.coat == CoatChoice::Fitted {
             return Err(PaintFitError::FlakesNeedIndex);
         }
-        without_flakes.subtract(flakes, coat)?;
+        if let (Flakes::Slices(slices), Some(floors)) = (&*known, &options.flake_floors) {
+            let mut below_gloss = whole.clone();
+            if let Some(coat) = coat {
+                below_gloss.subtract_gloss(coat);
+            }
+            let (brought, told) = level::bring([&whole, &below_gloss], slices, floors, coat)?;
+            *known = Flakes::Slices(brought);
+            flake_level = Some(told);
+        }
+        without_flakes.subtract(known, coat)?;
     }
     let model = ModelChoice::CookTorrance(options.lobe_count.clamp(1, 3));
     let lobe_options = Options { model, ..options.lobes.clone() };
@@ -112,18 +134,18 @@ pub fn fit_paint(subject: &Subject<'_>, options: &PaintOptions) -> Result<PaintF
         diffuse: base.diffuse,
         lobes: base.lobes.iter().copied().filter(|l| l.specular != [0.0; 3]).collect(),
         colour: None,
-        flakes: options.flakes.clone(),
+        flakes,
     };
     let mut nodes_seen = 0.0;
     if let Some(nodes) = options.colour_nodes {
         let index = lobes.coat.map_or(1.0, |c| c.index);
-        let (table, seen) = colour::solve(&without_flakes.rows(&lobes), index, nodes)?;
+        let (table, seen) = colour::solve(&without_flakes.rows(&lobes, &whole), index, nodes)?;
         parts.colour = Some(table);
         nodes_seen = seen;
     }
     let paint = CarPaint::new(parts)?;
     let errors = judge(subject, &lobe_options, &paint);
-    Ok(PaintFit { paint, lobes, errors, nodes_seen })
+    Ok(PaintFit { paint, lobes, errors, nodes_seen, flake_level })
 }
 
 /// Errors of a paint against a measurement: the gloss of its coat is taken off the measurement first, as the paint has none.

@@ -8,6 +8,9 @@ use gonio_optics::Geometry;
 use super::colour::Row;
 use crate::car_paint::{CarPaint, CarPaintError, CarPaintParts, Flakes};
 
+/// Share of a measured value that is left to the base at least.
+const LEFT: f64 = 0.02;
+
 /// A measurement.
 #[derive(Clone, Copy, Debug)]
 pub enum Subject<'a> {
@@ -63,14 +66,15 @@ impl Data {
         }
     }
 
-    /// Takes off what flakes add on average under a coat.
+    /// Takes off what flakes add on average under a coat. At least [`LEFT`] of a value stays: lobes are fitted to logarithms, and a cell that is all flakes, give or
+    /// take its noise, would be lost where it says that the base is dark.
     pub(super) fn subtract(&mut self, flakes: &Flakes, coat: Option<Coat>) -> Result<(), CarPaintError> {
         let only_coat = CarPaint::new(CarPaintParts { coat, ..CarPaintParts::default() })?;
         self.each(|_, g, value| {
             let (l, v) = g.directions();
             let Some(at) = only_coat.inside(l, v) else { return value };
             let mean = flakes.mean(at.place);
-            [0, 1, 2].map(|c| value[c] - at.factor * mean[c])
+            [0, 1, 2].map(|c| (value[c] - at.factor * mean[c]).max(LEFT * value[c].max(0.0)))
         });
         Ok(())
     }
@@ -107,8 +111,16 @@ impl Data {
         out
     }
 
+    /// The value at a place.
+    pub(super) fn at(&self, place: usize) -> Rgb {
+        match self {
+            Self::Table(t) => t.values.get(place).map_or([0.0; 3], |v| v.map(f64::from)),
+            Self::Scattered(s) => s.points.get(place).map_or([0.0; 3], |p| p.value),
+        }
+    }
+
     /// Each valid place with its geometry and value.
-    fn valid(&self) -> Vec<(usize, Geometry, Rgb)> {
+    pub(super) fn valid(&self) -> Vec<(usize, Geometry, Rgb)> {
         match self {
             Self::Table(t) => (0..t.values.len().min(t.flag.len()))
                 .filter(|&place| t.flag[place] != Flag::Invalid)
@@ -124,8 +136,20 @@ impl Data {
         }
     }
 
+    /// Solid angle of a cell, or 1.
+    pub(super) fn weight(&self, place: usize) -> f64 {
+        match self {
+            Self::Table(t) => {
+                let [_, to, phi] = t.grid.coordinates(place);
+                t.grid.solid_angle(to, phi)
+            }
+            Self::Scattered(_) => 1.0,
+        }
+    }
+
     /// Each cell that took part in the fit of the lobes to the mean of the channels: its value, and what the base gives there, the gloss taken off both.
-    pub(super) fn rows(&self, fit: &Fit) -> Vec<Row> {
+    /// `whole` is the measurement with its flakes.
+    pub(super) fn rows(&self, fit: &Fit, whole: &Self) -> Vec<Row> {
         let gloss = fit.coat.map(|c| self.gloss(c)).unwrap_or_default();
         let mut rows = Vec::new();
         for (place, geometry, value) in self.valid() {
@@ -133,15 +157,11 @@ impl Data {
             // measured less the residual is the model's mean over the cell, coat and gloss included
             let residual = fit.residuals.get(place).map_or(f64::NAN, |r| f64::from(r[0]));
             let base = mean(value) - residual - gloss;
-            let weight = match self {
-                Self::Table(t) => {
-                    let [_, to, phi] = t.grid.coordinates(place);
-                    t.grid.solid_angle(to, phi)
-                }
-                Self::Scattered(_) => 1.0,
-            };
+            let weight = self.weight(place);
             if base.is_finite() && base > 0.0 {
-                rows.push(Row { geometry, value: value.map(|v| v - gloss), base, weight });
+                // the gloss counts as seen: where it outshines the base, what is left of the measurement is its error
+                let seen = mean(whole.at(place));
+                rows.push(Row { geometry, value: value.map(|v| v - gloss), base, seen, weight });
             }
         }
         rows

@@ -68,7 +68,7 @@ pub fn read(bytes: &[u8]) -> Result<Measured, Problem> {
 }
 
 /// Text of an attribute, numbers joined by spaces.
-fn plain(a: &Attribute<'_>) -> String {
+pub(super) fn plain(a: &Attribute<'_>) -> String {
     match a.text() {
         Some(t) => t.trim_end_matches('\0').to_owned(),
         None => a.numbers().iter().map(f64::to_string).collect::<Vec<_>>().join(" "),
@@ -76,7 +76,7 @@ fn plain(a: &Attribute<'_>) -> String {
 }
 
 /// Whether the file is ours; if so its digest must be right.
-fn check_digest(file: &Classic<'_>, bytes: &[u8]) -> Result<bool, Problem> {
+pub(super) fn check_digest(file: &Classic<'_>, bytes: &[u8]) -> Result<bool, Problem> {
     if !file.attributes.iter().any(|a| a.name.starts_with(OURS)) {
         return Ok(false);
     }
@@ -98,13 +98,13 @@ fn check_digest(file: &Classic<'_>, bytes: &[u8]) -> Result<bool, Problem> {
     Ok(true)
 }
 
-struct Reader<'a> {
-    file: &'a Classic<'a>,
-    ours: bool,
+pub(super) struct Reader<'a> {
+    pub(super) file: &'a Classic<'a>,
+    pub(super) ours: bool,
 }
 
 impl Reader<'_> {
-    fn axis(&self, name: &str) -> Result<Vec<f64>, Problem> {
+    pub(super) fn axis(&self, name: &str) -> Result<Vec<f64>, Problem> {
         let v = self.file.variable(name).ok_or_else(|| {
             Problem::malformed(NAME, format!("coordinate variable {name}"), "absent", "the angles in degrees")
         })?;
@@ -130,7 +130,7 @@ impl Reader<'_> {
                 NAME,
                 "dimension phi_i",
                 n,
-                "1: anisotropic tables are not read yet",
+                "1: this is the table of an anisotropic sample, open it as such",
             ));
         }
         let grid = Grid {
@@ -144,7 +144,7 @@ impl Reader<'_> {
         Ok(grid)
     }
 
-    fn meaning(&self) -> Result<Meaning, Problem> {
+    pub(super) fn meaning(&self) -> Result<Meaning, Problem> {
         match self.file.attribute("value").and_then(Attribute::text) {
             None | Some("node") => Ok(Meaning::Node),
             Some("cell_mean") => {
@@ -183,7 +183,12 @@ impl Reader<'_> {
     }
 
     /// For each dimension of `v` which of `names` it is, after a check of lengths; `None` for others of length 1.
-    fn strides(&self, v: &Variable<'_>, names: &[&str], lengths: &[usize]) -> Result<Vec<usize>, Problem> {
+    pub(super) fn strides(
+        &self,
+        v: &Variable<'_>,
+        names: &[&str],
+        lengths: &[usize],
+    ) -> Result<Vec<usize>, Problem> {
         let found = self.file.dimension_names(v);
         let shape = self.file.shape(v);
         let fits = found.len() == names.len()

@@ -1,6 +1,7 @@
 //! A measured table to the bytes of a NetCDF file.
 
 use std::cell::RefCell;
+use std::collections::BTreeMap;
 use std::io;
 use std::rc::Rc;
 
@@ -11,7 +12,7 @@ use crate::formats::Problem;
 use crate::{Flag, Meaning, Measured};
 
 const CELLS: [&str; 4] = ["theta_i", "theta_o", "phi", "channel"];
-const CHANNELS: [&[u8; 5]; 3] = [b"red  ", b"green", b"blue "];
+pub(super) const CHANNELS: [&[u8; 5]; 3] = [b"red  ", b"green", b"blue "];
 
 /// The file of a table, the same bytes for the same table.
 ///
@@ -21,7 +22,12 @@ const CHANNELS: [&[u8; 5]; 3] = [b"red  ", b"green", b"blue "];
 pub fn write(table: &Measured) -> Result<Vec<u8>, Problem> {
     check(table)?;
     let definition = define(table).map_err(|e| unsuitable(format!("{e:?}")))?;
-    let mut bytes = fill(&definition, table).map_err(|e| unsuitable(format!("{e:?}")))?;
+    let bytes = fill(&definition, table).map_err(|e| unsuitable(format!("{e:?}")))?;
+    sealed(bytes)
+}
+
+/// The file with its digest in its place.
+pub(super) fn sealed(mut bytes: Vec<u8>) -> Result<Vec<u8>, Problem> {
     let place = classic::parse(&bytes)?.attribute(DIGEST).map(|a| a.offset);
     if let Some((at, hex)) = place.and_then(|p| Some((p, digest::compute(&bytes, p)?))) {
         bytes[at..at + hex.len()].copy_from_slice(hex.as_bytes());
@@ -29,7 +35,7 @@ pub fn write(table: &Measured) -> Result<Vec<u8>, Problem> {
     Ok(bytes)
 }
 
-fn unsuitable(advice: String) -> Problem {
+pub(super) fn unsuitable(advice: String) -> Problem {
     Problem::Unsuitable { content: "this table".to_owned(), format: NAME, advice }
 }
 
@@ -57,7 +63,12 @@ fn check(table: &Measured) -> Result<(), Problem> {
             )));
         }
     }
-    for key in table.attributes.keys() {
+    check_attributes(&table.attributes)
+}
+
+/// No attribute may pass for one of the format's own.
+pub(super) fn check_attributes(attributes: &BTreeMap<String, String>) -> Result<(), Problem> {
+    for key in attributes.keys() {
         if key.starts_with(OURS) || RESERVED.contains(&key.as_str()) {
             return Err(unsuitable(format!("the attribute name {key} is reserved")));
         }
@@ -96,30 +107,7 @@ fn define(table: &Measured) -> Result<DataSet, netcdf3::error::InvalidDataSet> {
     }
     d.add_fixed_dim("channel_name_length", CHANNELS[0].len())?;
 
-    d.add_global_attr_string("gonio_format", FORMAT)?;
-    d.add_global_attr_string("Conventions", "CF-1.8")?;
-    match table.meaning {
-        Meaning::Node => d.add_global_attr_string("value", "node")?,
-        Meaning::CellMean { lamp_half_angle } => {
-            d.add_global_attr_string("value", "cell_mean")?;
-            d.add_global_attr_f64("lamp_half_angle_deg", vec![lamp_half_angle.degrees()])?;
-        }
-    }
-    d.add_global_attr_string(
-        "azimuth_convention",
-        "phi = phi_o - phi_i; 0 is the light's side, 180 the mirror side",
-    )?;
-    d.add_global_attr_string("polar_convention", "angles from the outward normal of the sample")?;
-    d.add_global_attr_string(
-        "brdf_convention",
-        "f in 1/sr, without the cosine; the reflectance factor is pi f",
-    )?;
-    d.add_global_attr_string("colour_space", "linear RGB, Rec. 709 primaries, D65")?;
-    d.add_global_attr_string("gonio_format_version", FORMAT_VERSION)?;
-    for (key, value) in &table.attributes {
-        d.add_global_attr_string(key, value)?;
-    }
-    d.add_global_attr_string(DIGEST, digest::BLANK)?;
+    describe(&mut d, table.meaning, &table.attributes)?;
 
     for (name, text) in [
         ("theta_i", "angle of incidence"),
@@ -151,6 +139,39 @@ fn define(table: &Measured) -> Result<DataSet, netcdf3::error::InvalidDataSet> {
     Ok(d)
 }
 
+/// The attributes of every file of ours.
+pub(super) fn describe(
+    d: &mut DataSet,
+    meaning: Meaning,
+    attributes: &BTreeMap<String, String>,
+) -> Result<(), netcdf3::error::InvalidDataSet> {
+    d.add_global_attr_string("gonio_format", FORMAT)?;
+    d.add_global_attr_string("Conventions", "CF-1.8")?;
+    match meaning {
+        Meaning::Node => d.add_global_attr_string("value", "node")?,
+        Meaning::CellMean { lamp_half_angle } => {
+            d.add_global_attr_string("value", "cell_mean")?;
+            d.add_global_attr_f64("lamp_half_angle_deg", vec![lamp_half_angle.degrees()])?;
+        }
+    }
+    d.add_global_attr_string(
+        "azimuth_convention",
+        "phi = phi_o - phi_i; 0 is the light's side, 180 the mirror side",
+    )?;
+    d.add_global_attr_string("polar_convention", "angles from the outward normal of the sample")?;
+    d.add_global_attr_string(
+        "brdf_convention",
+        "f in 1/sr, without the cosine; the reflectance factor is pi f",
+    )?;
+    d.add_global_attr_string("colour_space", "linear RGB, Rec. 709 primaries, D65")?;
+    d.add_global_attr_string("gonio_format_version", FORMAT_VERSION)?;
+    for (key, value) in attributes {
+        d.add_global_attr_string(key, value)?;
+    }
+    d.add_global_attr_string(DIGEST, digest::BLANK)?;
+    Ok(())
+}
+
 fn fill(definition: &DataSet, table: &Measured) -> Result<Vec<u8>, netcdf3::error::WriteError> {
     let memory = Memory::default();
     let mut w = FileWriter::open_seek_write("table", Box::new(memory.clone()))?;
@@ -167,8 +188,7 @@ fn fill(definition: &DataSet, table: &Measured) -> Result<Vec<u8>, netcdf3::erro
     }
     w.write_var_i8("flag", &table.flag.iter().map(|&f| f as i8).collect::<Vec<_>>())?;
     w.close()?;
-    let bytes = memory.0.borrow_mut().get_mut().split_off(0);
-    Ok(bytes)
+    Ok(memory.take())
 }
 
 /// (low, high) of every bin, degrees.
@@ -178,7 +198,14 @@ pub(super) fn bounds(nodes: &[f64]) -> Vec<f64> {
 
 /// A file in memory that the writer may own while we keep a hand on it.
 #[derive(Clone, Default)]
-struct Memory(Rc<RefCell<io::Cursor<Vec<u8>>>>);
+pub(super) struct Memory(Rc<RefCell<io::Cursor<Vec<u8>>>>);
+
+impl Memory {
+    /// What was written.
+    pub(super) fn take(&self) -> Vec<u8> {
+        self.0.borrow_mut().get_mut().split_off(0)
+    }
+}
 
 impl io::Write for Memory {
     fn write(&mut self, buffer: &[u8]) -> io::Result<usize> {

@@ -46,12 +46,12 @@ pub fn r0_from_index(index: f64) -> f64 {
 /// Points away from the base on the inside, too: both are "towards the light" or "towards the viewer".
 #[must_use]
 pub fn refract(d: Vec3, index: f64) -> Vec3 {
-    let (x, y) = (d.x / index, d.y / index);
-    Vec3::new(x, y, safe_sqrt(1.0 - x * x - y * y))
+    Vec3::new(d.x / index, d.y / index, refracted_cos(d.z, index))
 }
 
-/// The cosine inside a coat of `index` for a cosine outside.
+/// The cosine inside a coat of `index` for a cosine outside, `√(n² − 1 + cos²)/n`: sums of what is positive, so that an index near 1 and a
+/// grazing direction keep their digits, which `1 − sin²/n²` would lose.
 #[must_use]
 pub fn refracted_cos(cos: f64, index: f64) -> f64 {
-    safe_sqrt(1.0 - (1.0 - cos * cos) / (index * index))
+    safe_sqrt((index - 1.0) * (index + 1.0) + cos * cos) / index
 }

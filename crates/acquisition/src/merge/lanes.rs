@@ -119,51 +119,68 @@ impl Row {
             let (x, place) = (b * BLOCK, (b - first, end - first));
             let to = shots.width.min(x + BLOCK);
             self.lost[b] = false;
-            for x in (x..to).step_by(WIDE) {
-                if self.scratch.mixed[b - first] {
-                    self.mixed(wide, shots, y, x, place, level);
-                } else {
-                    self.clear(wide, shots, y, x, place, level);
+            if self.scratch.mixed[b - first] {
+                for x in (x..to).step_by(WIDE) {
+                    if x + WIDE <= shots.width {
+                        self.mixed::<W, true>(wide, shots, y, x, place, level);
+                    } else {
+                        self.mixed::<W, false>(wide, shots, y, x, place, level);
+                    }
                 }
+            } else if x + BLOCK <= shots.width {
+                self.clear::<W, true>(wide, shots, y, x, place, level);
+            } else {
+                self.clear::<W, false>(wide, shots, y, x, place, level);
             }
         }
     }
 
-    /// Eight pixels from `x` of a block in which no exposure is mixed.
+    /// The pixels from `x` of a block in which no exposure is mixed; `WHOLE` where the row does not end within it.
     #[inline(always)]
-    fn clear<W: Wide>(
+    fn clear<W: Wide, const WHOLE: bool>(
         &mut self,
         wide: W,
         shots: &Shots<'_>,
         y: usize,
-        x: usize,
+        start: usize,
         (b, count): (usize, usize),
         level: &impl Fn(&[u16; WIDE]) -> W::F,
     ) {
-        let (w, p) = (wide, y * shots.width + x);
-        let n = WIDE.min(shots.width - x);
+        let w = wide;
         let lines = &self.scratch.lines;
+        let den: [f32; PARITIES] = *take(&lines[DEN], b * PARITIES);
+        self.lost[start / BLOCK] = den[0] <= 0.0 || den[1] <= 0.0;
+        let den = w.pattern(den);
         let line = |k: usize| w.pattern(*take(&lines[k], b * PARITIES));
-        let mean = w.load(&some(shots.dark_mean, p, n));
-        let current = w.load(&some(shots.dark_current, p, n));
-        let (sum, sum_t) = (line(SUM), line(SUM_T));
-        let mut rate = w.sub(line(OFFSET), w.add(w.mul(sum, mean), w.mul(sum_t, current)));
-        let lanes = count * PARITIES;
-        for (j, shot) in shots.list.iter().enumerate() {
-            let weight = w.pattern(*take(&self.scratch.weights, j * lanes + b * PARITIES));
-            rate = w.add(rate, w.mul(weight, level(&some(shot.raw, p, n))));
-        }
-        let shot = w.add(w.mul(line(SHOT), w.positive(rate)), w.mul(line(DARK_SHOT), w.positive(current)));
+        let (offset, sum, sum_t) = (line(OFFSET), line(SUM), line(SUM_T));
+        let (by_rate, by_current, exposure) = (line(SHOT), line(DARK_SHOT), line(EXPOSURE));
+        let read = w.mul(line(SQUARES), w.splat(shots.read_e2));
         let dark = w.add(
             w.mul(w.mul(sum, sum), w.splat(shots.dark_mean_e2)),
             w.mul(w.mul(sum_t, sum_t), w.splat(shots.dark_current_e2)),
         );
-        let den: &[f32; PARITIES] = take(&lines[DEN], b * PARITIES);
-        self.lost[x / BLOCK] = den[0] <= 0.0 || den[1] <= 0.0;
-        let rate = w.where_above_zero(w.pattern(*den), rate, w.splat(f32::INFINITY));
-        let read = w.mul(line(SQUARES), w.splat(shots.read_e2));
-        let exposure = line(EXPOSURE);
-        self.put(wide, x, [rate, shot, read, dark, exposure]);
+        let lanes = count * PARITIES;
+        for x in (start..start + BLOCK).step_by(WIDE) {
+            if !WHOLE && x >= shots.width {
+                break;
+            }
+            let p = y * shots.width + x;
+            let n = if WHOLE { WIDE } else { WIDE.min(shots.width - x) };
+            let mean = w.load(&some::<_, WHOLE>(shots.dark_mean, p, n));
+            let current = w.load(&some::<_, WHOLE>(shots.dark_current, p, n));
+            let mut rate = w.sub(offset, w.add(w.mul(sum, mean), w.mul(sum_t, current)));
+            for (j, shot) in shots.list.iter().enumerate() {
+                let weight = w.pattern(*take(&self.scratch.weights, j * lanes + b * PARITIES));
+                rate = w.add(rate, w.mul(weight, level(&some::<_, WHOLE>(shot.raw, p, n))));
+            }
+            let shot = w.add(w.mul(by_rate, w.positive(rate)), w.mul(by_current, w.positive(current)));
+            let rate = w.where_above_zero(den, rate, w.splat(f32::INFINITY));
+            *place(&mut self.rate, x) = w.store(rate);
+            *place(&mut self.shot, x) = w.store(shot);
+            *place(&mut self.read, x) = w.store(read);
+            *place(&mut self.dark, x) = w.store(dark);
+            *place(&mut self.exposure, x) = w.store(exposure);
+        }
     }
 
     #[inline(always)]
@@ -177,7 +194,7 @@ impl Row {
 
     /// Eight pixels from `x` of a block in which some exposure is saturated in some pixels.
     #[inline(always)]
-    fn mixed<W: Wide>(
+    fn mixed<W: Wide, const WHOLE: bool>(
         &mut self,
         wide: W,
         shots: &Shots<'_>,
@@ -187,10 +204,10 @@ impl Row {
         level: &impl Fn(&[u16; WIDE]) -> W::F,
     ) {
         let (w, p) = (wide, y * shots.width + x);
-        let n = WIDE.min(shots.width - x);
+        let n = if WHOLE { WIDE } else { WIDE.min(shots.width - x) };
         let lanes = count * PARITIES;
-        let mean = w.load(&some(shots.dark_mean, p, n));
-        let current = w.load(&some(shots.dark_current, p, n));
+        let mean = w.load(&some::<_, WHOLE>(shots.dark_mean, p, n));
+        let current = w.load(&some::<_, WHOLE>(shots.dark_current, p, n));
         let (slope, offset) = shots.ramp.line();
         let (slope, offset) = (w.splat(slope), w.splat(offset));
         let zero = w.splat(0.0);
@@ -208,7 +225,7 @@ impl Row {
             let (t, since) = (w.splat(shot.x), w.splat(shot.since_mean_s));
             let counts = w.add(clear, w.mul(mixed, usable));
             let weight = w.mul(counts, free);
-            let electrons = w.add(w.mul(slope, level(&some(shot.raw, p, n))), offset);
+            let electrons = w.add(w.mul(slope, level(&some::<_, WHOLE>(shot.raw, p, n))), offset);
             let signal = w.sub(electrons, w.add(mean, w.mul(current, since)));
             let square = w.mul(weight, weight);
             num = w.add(num, w.mul(weight, signal));
@@ -241,10 +258,10 @@ fn take<T, const N: usize>(from: &[T], at: usize) -> &[T; N] {
     from[at..].first_chunk().expect("a whole block within the frame")
 }
 
-/// Eight entries from `at`, of which the first `n` are there.
+/// Eight entries from `at`, of which the first `n` are there (all of them where `WHOLE`).
 #[inline(always)]
-pub(crate) fn some<T: Copy + Default>(from: &[T], at: usize, n: usize) -> [T; WIDE] {
-    if n == WIDE {
+pub(crate) fn some<T: Copy + Default, const WHOLE: bool>(from: &[T], at: usize, n: usize) -> [T; WIDE] {
+    if WHOLE {
         return *take(from, at);
     }
     std::array::from_fn(|k| if k < n { from[at + k] } else { T::default() })
@@ -470,7 +487,7 @@ fn block_means<W: Wide>(
     }
     let mut l = wide.store(lanes);
     if n % WIDE > 0 {
-        let rest = wide.store(level(&some(raw, p + n / WIDE * WIDE, n % WIDE)));
+        let rest = wide.store(level(&some::<_, false>(raw, p + n / WIDE * WIDE, n % WIDE)));
         for k in 0..n % WIDE {
             l[k] += rest[k];
         }

@@ -186,7 +186,7 @@ impl<'a> Shots<'a> {
             };
             return wide.load(&std::array::from_fn(|k| f32::from(k >= n || serves(k))));
         }
-        let at = |p: usize| wide.counts(&some(raw, p, WIDE));
+        let at = |p: usize| wide.counts(&some::<_, true>(raw, p, WIDE));
         let mut sum = wide.add(at(p - 2), at(p + 2));
         for row in [p - 2 * w, p + 2 * w] {
             sum = wide.add(sum, wide.add(at(row - 2), wide.add(at(row), at(row + 2))));

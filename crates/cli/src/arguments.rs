@@ -268,10 +268,10 @@ pub struct CoatArguments {
 /// `gonio scan`.
 #[derive(Debug, Args)]
 pub struct ScanArguments {
-    /// sim, or serial:PATH
+    /// sim, serial:PATH, or usb:VID:PID[:SERIAL] (hexadecimal)
     #[arg(long, default_value = "sim")]
     pub device: String,
-    /// sim, or sim:SOCKET
+    /// sim, sim:SOCKET, v4l:N (N of /dev/videoN, a path, a serial number or a name; uvc:N is the same), or genicam:ID
     #[arg(long, default_value = "sim")]
     pub camera: String,
     /// Instrument description, TOML, or `reference` / `tiny`

@@ -3,6 +3,7 @@
 use super::controls::{self, ControlFacts};
 use super::nodes::{CameraName, Node, Places, Role};
 use super::session::{offers, open_pictures, role};
+use crate::camera::colour;
 use crate::camera::raw::{Offer, Wanted, raw_format};
 use gonio_instrument::{BayerPattern, DeviceError};
 use v4l::Device;
@@ -68,10 +69,19 @@ pub fn look_at(name: &CameraName) -> Result<CameraFacts, DeviceError> {
     Err(first.unwrap_or(DeviceError::Absent { device: called }))
 }
 
-/// Lists all nodes and asks those that may be opened. Changes nothing; a camera in use by another program answers all the same.
+/// Lists all nodes and asks those that may be opened: those that sysfs shows, and device files that `nokhwa` finds where sysfs shows none, as in containers.
+/// Changes nothing; a camera in use by another program answers all the same.
 #[must_use]
 pub fn list_cameras() -> Vec<CameraFacts> {
-    Places::default().nodes().into_iter().map(ask).collect()
+    let places = Places::default();
+    let mut nodes = places.nodes();
+    for (number, name) in colour::discover() {
+        let node = Node { name, ..places.node(number) };
+        if nodes.iter().all(|n| n.path != node.path) {
+            nodes.push(node);
+        }
+    }
+    nodes.into_iter().map(ask).collect()
 }
 
 fn ask(node: Node) -> CameraFacts {

@@ -18,6 +18,7 @@ mod paint_design;
 mod paint_sweep;
 pub mod plan;
 mod radiometry_report;
+pub mod preview;
 pub mod render;
 pub mod replay;
 pub mod running;
@@ -72,6 +73,7 @@ pub fn dispatch(arguments: Arguments) -> Result<Outcome, Failure> {
             };
             running::tell(printer, ask)
         }
-        Command::Doctor => doctor::run(printer),
+        Command::Preview(a) => preview::run(&a, printer),
+        Command::Doctor(a) => doctor::run(&a, printer),
     }
 }

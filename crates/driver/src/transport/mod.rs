@@ -3,10 +3,12 @@
 pub mod fault;
 pub mod memory;
 pub mod serial;
+pub mod usb;
 
 pub use fault::{FaultyTransport, LineFaults};
 pub use memory::{MemoryTransport, memory_pair};
 pub use serial::SerialTransport;
+pub use usb::{UsbAddress, UsbTransport};
 
 use gonio_instrument::DeviceError;
 use std::sync::Arc;

@@ -93,7 +93,9 @@ mod tests {
 
     #[test]
     fn what_names_no_device_is_refused_with_an_example() {
-        for text in ["", "1209", "1209:", ":1", "12090:1", "1209:0001:", "+209:1", "0x1209:1", "12 9:1", "é9:1"] {
+        for text in
+            ["", "1209", "1209:", ":1", "12090:1", "1209:0001:", "+209:1", "0x1209:1", "12 9:1", "é9:1"]
+        {
             let error = text.parse::<UsbAddress>().expect_err(text).to_string();
             assert!(error.contains("usb:1209:0001") && error.contains(text), "{error}");
         }

@@ -113,7 +113,8 @@ fn describe(device: &Device<Context>) -> Option<UsbDevice> {
         description: description.join(" "),
         permitted: access(&node, Access::READ_OK | Access::WRITE_OK).is_ok(),
         node,
-        stage: interfaces(device).is_ok_and(|i| i.iter().any(|i| i.class == STAGE_CLASS) && choose(&i).is_ok()),
+        stage: interfaces(device)
+            .is_ok_and(|i| i.iter().any(|i| i.class == STAGE_CLASS) && choose(&i).is_ok()),
     })
 }
 

@@ -118,7 +118,12 @@ mod tests {
         EndpointFacts { address, bulk, packet: 512 }
     }
 
-    fn interface(number: u8, setting: u8, class: (u8, u8, u8), endpoints: &[EndpointFacts]) -> InterfaceFacts {
+    fn interface(
+        number: u8,
+        setting: u8,
+        class: (u8, u8, u8),
+        endpoints: &[EndpointFacts],
+    ) -> InterfaceFacts {
         InterfaceFacts { number, setting, class, endpoints: endpoints.to_vec() }
     }
 
@@ -128,7 +133,12 @@ mod tests {
             interface(0, 0, (0x03, 1, 1), &[endpoint(0x81, false)]),
             interface(1, 0, (0xFF, 0x47, 0x02), &[endpoint(0x82, true), endpoint(0x02, true)]),
             interface(2, 0, STAGE_CLASS, &[]),
-            interface(2, 1, STAGE_CLASS, &[endpoint(0x05, true), endpoint(0x84, false), endpoint(0x8a, true)]),
+            interface(
+                2,
+                1,
+                STAGE_CLASS,
+                &[endpoint(0x05, true), endpoint(0x84, false), endpoint(0x8a, true)],
+            ),
         ])
         .expect("a stage");
         assert_eq!((found.interface, found.setting), (2, 1));

@@ -101,7 +101,9 @@ impl Line {
                 match self.handle.clear_halt(endpoint) {
                     Ok(()) | Err(Error::Timeout | Error::Interrupted) => None,
                     Err(Error::NoDevice | Error::NotFound | Error::Io) => Some(self.gone()),
-                    Err(other) => Some(self.io(format!("endpoint {endpoint:#04x} cannot be cleared ({other})"))),
+                    Err(other) => {
+                        Some(self.io(format!("endpoint {endpoint:#04x} cannot be cleared ({other})")))
+                    }
                 }
             }
             Step::Gone => Some(self.gone()),

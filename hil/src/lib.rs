@@ -7,7 +7,10 @@
 //! What it leaves to others: how the instrument behaves (`gonio-sim`), and everything that is tested (`gonio-driver`, `gonio`).
 
 pub mod camera;
+pub mod guest;
+pub mod host;
 pub mod instrument;
+pub mod line;
 pub mod redir;
 pub mod serial;
 pub mod stage;

@@ -5,7 +5,7 @@ mod controls;
 mod sensor;
 mod uvc;
 
-pub use uvc::{PRODUCT, SERIAL};
+pub use uvc::{PRODUCT, SERIAL, STREAM};
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -40,6 +40,11 @@ impl Bench {
     /// Shows a test chart instead, its numbers from 0, or the instrument again.
     pub fn show_chart(&self, on: bool) {
         self.0.show_chart(on);
+    }
+
+    /// Breaks off so many of the next frames half-way, as a bus that loses packets does.
+    pub fn tear(&self, frames: u32) {
+        self.0.tear(frames);
     }
 }
 
@@ -109,7 +114,7 @@ impl Function for CameraDevice {
         };
         let part = length.min(uvc::PAYLOAD as usize).saturating_sub(HEADER);
         let end = (sent + part).min(frame.bytes.len());
-        let last = end == frame.bytes.len();
+        let last = end == frame.bytes.len() || (sent > 0 && self.shared.take_tear());
         let mut flags = END_OF_HEADER | PRESENTATION_TIME | self.frame_bit;
         if last {
             flags |= END_OF_FRAME;

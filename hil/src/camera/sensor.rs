@@ -45,6 +45,7 @@ struct State {
     chart: bool,
     sample: Option<Sample>,
     frames: u64,
+    tears: u32,
     end: bool,
 }
 
@@ -67,6 +68,7 @@ impl Shared {
             chart: false,
             sample: None,
             frames: 0,
+            tears: 0,
             end: false,
         };
         Arc::new(Shared { state: Mutex::new(state), change: Condvar::new() })
@@ -104,6 +106,19 @@ impl Shared {
         let mut state = self.lock();
         state.chart = on;
         state.frames = 0;
+    }
+
+    /// Breaks off so many frames half-way.
+    pub fn tear(&self, frames: u32) {
+        self.lock().tears = frames;
+    }
+
+    /// The frame on the bus is to be broken off; asked once per frame.
+    pub fn take_tear(&self) -> bool {
+        let mut state = self.lock();
+        let tear = state.tears > 0;
+        state.tears = state.tears.saturating_sub(1);
+        tear
     }
 
     /// Puts a sample on the holder; seen from the next frame on.

@@ -7,6 +7,8 @@ use std::collections::{HashSet, VecDeque};
 use std::io::{self, Read, Write};
 use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -106,6 +108,7 @@ impl Slot {
                 let _ = to_worker.send(Input::Closed);
             })
             .map_err(PortError::Thread)?;
+        let healed = Arc::new(AtomicBool::new(false));
         let worker = Worker {
             stream,
             codec: Codec::default(),
@@ -115,13 +118,15 @@ impl Slot {
             configuration: 0,
             waiting: VecDeque::new(),
             halted: HashSet::new(),
+            halt_seen: false,
+            healed: Arc::clone(&healed),
             silent: false,
         };
         let thread = std::thread::Builder::new()
             .name(format!("hil-{name}"))
             .spawn(move || worker.run(&inbox))
             .map_err(PortError::Thread)?;
-        Ok(Port { inputs, thread: Some(thread) })
+        Ok(Port { inputs, healed, thread: Some(thread) })
     }
 }
 
@@ -146,6 +151,7 @@ pub fn connect(path: &Path) -> Result<UnixStream, PortError> {
 #[derive(Debug)]
 pub struct Port {
     inputs: Sender<Input>,
+    healed: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -160,7 +166,16 @@ impl Port {
 
     /// Lets something go wrong.
     pub fn fault(&self, fault: Fault) {
+        if matches!(fault, Fault::Halt(_)) {
+            self.healed.store(false, Ordering::SeqCst);
+        }
         let _ = self.inputs.send(Input::Fault(fault));
+    }
+
+    /// The host has met the last halt and has cleared it.
+    #[must_use]
+    pub fn healed(&self) -> bool {
+        self.healed.load(Ordering::SeqCst)
     }
 }
 
@@ -202,6 +217,9 @@ struct Worker {
     configuration: u8,
     waiting: VecDeque<Waiting>,
     halted: HashSet<u8>,
+    /// A transfer was answered with a halt.
+    halt_seen: bool,
+    healed: Arc<AtomicBool>,
     silent: bool,
 }
 
@@ -231,7 +249,10 @@ impl Worker {
                     self.plug(plugged)?;
                     let _ = done.send(());
                 }
-                Input::Fault(Fault::Halt(endpoint)) => drop(self.halted.insert(endpoint)),
+                Input::Fault(Fault::Halt(endpoint)) => {
+                    self.halt_seen = false;
+                    self.halted.insert(endpoint);
+                }
                 Input::Fault(Fault::Silent(silent)) => self.silent = silent,
             }
             self.answer_waiting()?;
@@ -339,7 +360,9 @@ impl Worker {
         let answer = match standard::handle(self.function.descriptors(), setup) {
             Some(Ok(Standard::Answer(bytes))) => Ok(bytes),
             Some(Ok(Standard::ClearHalt(endpoint))) => {
-                self.halted.remove(&endpoint);
+                if self.halted.remove(&endpoint) && self.halt_seen {
+                    self.healed.store(true, Ordering::SeqCst);
+                }
                 self.function.halt_cleared(endpoint);
                 Ok(vec![])
             }
@@ -382,6 +405,7 @@ impl Worker {
         while let Some(&Waiting { id, endpoint, length }) = self.waiting.get(place) {
             let reads = endpoint & 0x80 != 0;
             if reads && self.halted.contains(&endpoint) {
+                self.halt_seen = true;
                 self.waiting.remove(place);
                 self.send(&ToGuest::Bulk { id, status: Status::Stall, endpoint, length: 0, data: &[] })?;
                 continue;

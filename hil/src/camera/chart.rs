@@ -24,7 +24,8 @@ fn pixel(number: u64, place: usize) -> u16 {
         return (number >> (BITS * place)) as u16 & ((1 << BITS) - 1);
     }
     // Weyl steps, mixed by a multiplication: differs from frame to frame at every place
-    let x = number.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(place as u64 * 0xd1b5_4a32_d192_ed03);
+    let here = (place as u64).wrapping_mul(0xd1b5_4a32_d192_ed03);
+    let x = number.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(here);
     ((x ^ x >> 29).wrapping_mul(0xbf58_476d_1ce4_e5b9) >> (64 - BITS)) as u16
 }
 

@@ -187,7 +187,8 @@ impl Controls {
             GET_MIN | GET_RES => 1u32.to_le_bytes().to_vec(),
             GET_MAX => LONGEST.to_le_bytes().to_vec(),
             GET_DEF => AUTOMATIC_EXPOSURE.to_le_bytes().to_vec(),
-            GET_INFO => vec![3 | u8::from(automatic) << 2],
+            // bit 3: it changes by itself. Without it uvcvideo would tell what was asked for instead of what was taken
+            GET_INFO => vec![0b1011 | u8::from(automatic) << 2],
             GET_LEN => vec![4, 0],
             _ => return Err(refusal::INVALID_REQUEST),
         })

@@ -156,8 +156,11 @@ pub enum Command {
         #[arg(long, conflicts_with = "emergency")]
         resume: bool,
     },
-    /// Look at ports and permissions: what is wrong, how to mend it
-    Doctor,
+    /// Look at ports, USB stages, cameras and permissions: what is wrong, how to mend it
+    #[command(
+        after_help = "Examples:\n  gonio doctor\n  sudo gonio doctor --install-udev      whoever sits at this machine may open stages and cameras"
+    )]
+    Doctor(DoctorArguments),
 }
 
 impl ScanArguments {
@@ -166,6 +169,20 @@ impl ScanArguments {
     pub fn patience(&self) -> std::time::Duration {
         std::time::Duration::try_from_secs_f64(self.patience).unwrap_or_default()
     }
+}
+
+/// `gonio doctor`.
+#[derive(Debug, Args)]
+pub struct DoctorArguments {
+    /// Write the udev rules that let you open stages and cameras; takes an administrator, and says the line if you are none
+    #[arg(long)]
+    pub install_udev: bool,
+    /// Folder of the udev rules
+    #[arg(long, value_name = "FOLDER", default_value = "/etc/udev/rules.d")]
+    pub rules_folder: PathBuf,
+    /// With --install-udev: replace rules of the same name
+    #[arg(long, requires = "install_udev")]
+    pub force: bool,
 }
 
 /// `gonio demo`.
@@ -268,10 +285,10 @@ pub struct CoatArguments {
 /// `gonio scan`.
 #[derive(Debug, Args)]
 pub struct ScanArguments {
-    /// sim, or serial:PATH
+    /// sim, serial:PATH, or usb:VID:PID[:SERIAL] (hexadecimal)
     #[arg(long, default_value = "sim")]
     pub device: String,
-    /// sim, or sim:SOCKET
+    /// sim, sim:SOCKET, v4l:N (N of /dev/videoN, a path, a serial number or a name; uvc:N is the same), or genicam:ID
     #[arg(long, default_value = "sim")]
     pub camera: String,
     /// Instrument description, TOML, or `reference` / `tiny`

@@ -70,6 +70,6 @@ pub fn dispatch(arguments: Arguments) -> Result<Outcome, Failure> {
             };
             running::tell(printer, ask)
         }
-        Command::Doctor => doctor::run(printer),
+        Command::Doctor(a) => doctor::run(&a, printer),
     }
 }

@@ -11,6 +11,7 @@ pub mod coat;
 pub mod commands;
 pub mod continuing;
 pub mod control;
+pub mod devices;
 pub mod effect;
 pub mod exporting;
 pub mod fitting;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-use gonio_driver::camera::{CameraFaults, FaultyCamera, SocketCamera};
+use gonio_driver::camera::{CameraFaults, FaultyCamera};
 use gonio_driver::stage::{Direction, LinkWatch, Options, Reopen, SerialStage, StageEvent, describe_fault};
 use gonio_driver::transport::{FaultyTransport, LineFaults, SerialTransport, Transport, serial};
 use gonio_instrument::{
@@ -18,6 +18,7 @@ use gonio_sim::world::World;
 use gonio_sim::{Truth, VirtualCamera};
 
 use crate::arguments::VirtualArguments;
+use crate::devices::{self, CameraChoice, StageName};
 use crate::outcome::Failure;
 use crate::output::read_text;
 
@@ -179,45 +180,38 @@ impl Rig {
     ) -> Result<Self, Failure> {
         let (sender, wire) = sync_channel(WIRE_DEPTH);
         let (told, notes) = sync_channel(NOTES_DEPTH);
-        let (path, pty, virtual_camera) = match (device, simulated) {
-            ("sim", Some(s)) => {
-                let (pty, camera) = s.start(instrument, plan, kind, None)?;
-                (pty.path.to_string_lossy().into_owned(), Some(pty), Some(camera))
-            }
-            (d, _) => match d.strip_prefix("serial:") {
-                Some(path) => (path.to_owned(), None, None),
-                None => {
-                    return Err(Failure::usage(format!(
-                        "--device {d}: expected sim or serial:PATH, for instance serial:/dev/ttyUSB0"
-                    )));
-                }
-            },
-        };
-        let socket = match (camera.strip_prefix("sim:"), camera, &virtual_camera) {
-            (Some(socket), _, _) => Some(Path::new(socket)),
-            (None, "sim", Some(_)) => None,
-            (None, "sim", None) => {
-                return Err(Failure::usage(
-                    "--camera sim goes with --device sim; for a virtual camera of another program give sim:SOCKET",
-                ));
-            }
-            (None, other, _) => {
-                return Err(Failure::usage(format!("--camera {other}: expected sim or sim:SOCKET")));
-            }
-        };
+        let (stage_name, choice) = (StageName::parse(device)?, CameraChoice::parse(camera)?);
+        // what cannot be is said before any device is touched
+        devices::check(&stage_name, &choice)?;
         let line = simulated.and_then(|s| s.faults.link.map(|l| (l, s.seed)));
+        let (opened, reopen, pty, virtual_camera) = match (stage_name, simulated) {
+            (StageName::Sim, Some(s)) => {
+                let (pty, camera) = s.start(instrument, plan, kind, None)?;
+                let path = pty.path.to_string_lossy().into_owned();
+                let again = reopen(Some(pty.name()), path.clone(), line);
+                (transport(&path, line)?, again, Some(pty), Some(camera))
+            }
+            (StageName::Sim, None) => {
+                return Err(Failure::usage("--device sim needs what it shall simulate"));
+            }
+            (StageName::Serial(path), _) => (transport(&path, line)?, reopen(None, path, line), None, None),
+            (StageName::Usb(address), _) => {
+                let (stage, again) = devices::usb(&address)?;
+                (stage, again, None, None)
+            }
+        };
+        let camera: Box<dyn Camera> = match (&choice, virtual_camera) {
+            (CameraChoice::Sim, Some(c)) => Box::new(c),
+            (choice, _) => devices::camera(choice, instrument, patience, &told)?,
+        };
         let options = Options {
             tap: Some(tap(sender)),
             events: Some(teller(told)),
-            reopen: Some(reopen(pty.as_ref().map(Pty::name), path.clone(), line)),
+            reopen: Some(reopen),
             patience,
             ..Options::default()
         };
-        let stage = Box::new(SerialStage::connect(transport(&path, line)?, options)?);
-        let camera: Box<dyn Camera> = match (socket, virtual_camera) {
-            (None, Some(c)) => Box::new(c),
-            (socket, _) => Box::new(socket_camera(socket.unwrap_or(Path::new("")))?),
-        };
+        let stage = Box::new(SerialStage::connect(opened, options)?);
         let camera = match simulated.and_then(|s| s.faults.camera.map(|c| (c, s.seed))) {
             Some((faults, seed)) => Box::new(FaultyCamera::new(camera, camera_faults(&faults), seed)),
             None => camera,
@@ -322,19 +316,6 @@ fn teller(sender: SyncSender<StageNote>) -> gonio_driver::stage::EventSink {
         };
         let time = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         let _ = sender.try_send(StageNote { time, serious, text });
-    })
-}
-
-/// The camera of another program.
-fn socket_camera(socket: &Path) -> Result<SocketCamera, Failure> {
-    SocketCamera::connect(socket).map_err(|e| {
-        let at = socket.display();
-        let refused = std::os::unix::net::UnixStream::connect(socket).is_err();
-        Failure::Device(if refused {
-            format!("no camera listens at {at}; start it first, for instance `gonio sim --pty stage --camera-socket {at}`")
-        } else {
-            format!("camera at {at}: {e}")
-        })
     })
 }
 

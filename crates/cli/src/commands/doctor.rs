@@ -1,56 +1,44 @@
-//! `gonio doctor`: ports, permissions, cameras; what is wrong and how to mend it.
+//! `gonio doctor`: ports, USB stages, cameras, permissions; what is wrong and the command that mends it.
 
-use gonio_driver::ports;
+mod findings;
+mod survey;
+mod udev;
+
 use serde_json::json;
 
+use crate::arguments::DoctorArguments;
 use crate::outcome::{Failure, Outcome};
-use crate::output::Printer;
+use crate::output::{Printer, shown};
 
-/// Looks without opening anything.
+/// Looks at what is plugged in, or installs the udev rules.
 ///
 /// # Errors
-/// [`Failure::Failed`] where the system does not tell its ports.
-pub fn run(printer: Printer) -> Result<Outcome, Failure> {
-    let found = ports::list_ports().map_err(|e| Failure::failed("serial ports cannot be listed", e))?;
-    let mut text = String::new();
-    let mut findings = Vec::new();
-    for p in &found {
-        let id = p.usb_id.map_or_else(String::new, |(v, d)| format!(" usb {v:04x}:{d:04x}"));
-        text += &format!(
-            "serial:{}{id} {}{}\n",
-            p.path,
-            p.description,
-            if p.permitted { "" } else { "  NO PERMISSION" }
-        );
-        if !p.permitted {
-            findings.push(format!(
-                "you may not open {}: add yourself to the group that owns it (`ls -l {}` shows it, usually dialout): \
-                 `sudo usermod -aG dialout $USER`, then log in again",
-                p.path, p.path
-            ));
-        }
+/// [`Failure::Failed`] where the system does not tell its ports or the rules cannot be installed.
+pub fn run(a: &DoctorArguments, printer: Printer) -> Result<Outcome, Failure> {
+    if a.install_udev {
+        return install(a, printer);
     }
-    if found.is_empty() {
-        findings.push(
-            "no serial port is there: plug the controller in, then look at `dmesg`; without an instrument use --device sim"
-                .to_owned(),
-        );
-    }
+    let seen = survey::look(&a.rules_folder)?;
+    let findings = findings::findings(&seen);
+    let mut text = seen.lines();
     for f in &findings {
         text += &format!("* {f}\n");
     }
     if findings.is_empty() {
         text += "nothing is wrong\n";
     }
-    let listed: Vec<_> = found
-        .iter()
-        .map(|p| {
-            json!({
-                "path": p.path, "usb_id": p.usb_id.map(|(v, d)| format!("{v:04x}:{d:04x}")),
-                "description": p.description, "permitted": p.permitted,
-            })
-        })
-        .collect();
-    printer.result(&text, &json!({ "ports": listed, "findings": findings }));
+    let mut found = seen.json();
+    if let Some(object) = found.as_object_mut() {
+        object.insert("findings".to_owned(), json!(findings));
+    }
+    printer.result(&text, &found);
+    Ok(Outcome::Done)
+}
+
+fn install(a: &DoctorArguments, printer: Printer) -> Result<Outcome, Failure> {
+    let installed = udev::install(&a.rules_folder, a.force)?;
+    let text = format!("{}: {}\n{}\n", installed.path.display(), installed.what, installed.next);
+    let result = json!({ "udev": { "path": shown(&installed.path), "what": installed.what, "reloaded": installed.reloaded } });
+    printer.result(&text, &result);
     Ok(Outcome::Done)
 }

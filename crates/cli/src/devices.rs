@@ -4,7 +4,9 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::SyncSender;
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::Duration;
+#[cfg(any(feature = "cameras", feature = "genicam"))]
+use std::time::{SystemTime, UNIX_EPOCH};
 
 use gonio_driver::camera::SocketCamera;
 use gonio_driver::stage::Reopen;
@@ -116,14 +118,19 @@ pub fn check(stage: &StageName, camera: &CameraChoice) -> Result<(), Failure> {
 /// [`Failure::Device`], or [`Failure::Usage`] for a kind of camera that this program was built without.
 pub fn camera(
     choice: &CameraChoice,
-    #[cfg_attr(not(feature = "cameras"), allow(unused_variables))] instrument: &Description,
-    #[cfg_attr(not(feature = "cameras"), allow(unused_variables))] patience: Duration,
-    #[cfg_attr(not(feature = "cameras"), allow(unused_variables))] notes: &SyncSender<StageNote>,
+    #[cfg_attr(not(any(feature = "cameras", feature = "genicam")), allow(unused_variables))]
+    instrument: &Description,
+    #[cfg_attr(not(any(feature = "cameras", feature = "genicam")), allow(unused_variables))]
+    patience: Duration,
+    #[cfg_attr(not(any(feature = "cameras", feature = "genicam")), allow(unused_variables))]
+    notes: &SyncSender<StageNote>,
 ) -> Result<Box<dyn Camera>, Failure> {
     match choice {
         CameraChoice::Socket(socket) => Ok(Box::new(socket_camera(socket)?)),
         #[cfg(feature = "cameras")]
         CameraChoice::V4l(name) => v4l_camera(name, instrument, patience, notes),
+        #[cfg(feature = "genicam")]
+        CameraChoice::Genicam(id) => genicam_camera(id, instrument, patience, notes),
         other => Err(Failure::usage(format!("no camera of this kind can be opened here: {other:?}"))),
     }
 }
@@ -135,9 +142,8 @@ fn v4l_camera(
     patience: Duration,
     notes: &SyncSender<StageNote>,
 ) -> Result<Box<dyn Camera>, Failure> {
-    use gonio_driver::camera::v4l::{Notice, Options, Wanted, open_with};
-    let c = &instrument.camera;
-    let wanted = Wanted { width: c.size[0], height: c.size[1], bits: c.bits, pattern: c.pattern };
+    use gonio_driver::camera::v4l::{Notice, Options, open_with};
+    let (c, wanted) = (&instrument.camera, wanted(instrument));
     let told = notes.clone();
     let device = format!("camera {name}");
     let notices = move |notice: &Notice| match notice {
@@ -166,6 +172,30 @@ fn v4l_camera(
     Ok(Box::new(camera))
 }
 
+#[cfg(feature = "genicam")]
+fn genicam_camera(
+    id: &str,
+    instrument: &Description,
+    patience: Duration,
+    notes: &SyncSender<StageNote>,
+) -> Result<Box<dyn Camera>, Failure> {
+    let camera = gonio_driver::camera::genicam::open(id, &wanted(instrument), patience)?;
+    note(notes, false, format!("camera {id}: format {}, {}", camera.format(), camera.settings().join(", ")));
+    Ok(Box::new(camera))
+}
+
+/// What the instrument expects of its camera.
+#[cfg(any(feature = "cameras", feature = "genicam"))]
+pub(crate) fn wanted(instrument: &Description) -> gonio_driver::camera::raw::Wanted {
+    let c = &instrument.camera;
+    gonio_driver::camera::raw::Wanted {
+        width: c.size[0],
+        height: c.size[1],
+        bits: c.bits,
+        pattern: c.pattern,
+    }
+}
+
 /// The camera of another program.
 fn socket_camera(socket: &Path) -> Result<SocketCamera, Failure> {
     SocketCamera::connect(socket).map_err(|e| {
@@ -179,7 +209,7 @@ fn socket_camera(socket: &Path) -> Result<SocketCamera, Failure> {
     })
 }
 
-#[cfg_attr(not(feature = "cameras"), allow(dead_code))]
+#[cfg(any(feature = "cameras", feature = "genicam"))]
 fn note(notes: &SyncSender<StageNote>, serious: bool, text: String) {
     let time = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     // a journal that is far behind loses notes, never time

@@ -6,6 +6,7 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use gonio_driver::camera::{CameraFaults, FaultyCamera};
+use gonio_driver::ports;
 use gonio_driver::stage::{Direction, LinkWatch, Options, Reopen, SerialStage, StageEvent, describe_fault};
 use gonio_driver::transport::{FaultyTransport, LineFaults, SerialTransport, Transport, serial};
 use gonio_instrument::{
@@ -238,10 +239,12 @@ fn transport(path: &str, line: Option<(LinkFaults, u64)>) -> Result<Box<dyn Tran
     Ok(Box::new(FaultyTransport::new(port, faults, seed)))
 }
 
-/// Finds the port again after it hung up: under its name, or where the virtual instrument has it now. A line that hangs up by the faults file
+/// Finds the port again after it hung up: under its name, by the USB adapter behind it, or where the virtual instrument has it now. A line that hangs up by the faults file
 /// comes back when that says so, or never; its other troubles are over then.
 fn reopen(name: Option<PortName>, path: String, line: Option<(LinkFaults, u64)>) -> Reopen {
     let hung_up = std::sync::Mutex::new(None::<Instant>);
+    // a USB adapter may have another name when it is plugged in again
+    let adapter = if name.is_none() { ports::Adapter::at(Path::new(&path)) } else { None };
     Arc::new(move || {
         let mut hung_up = hung_up.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         let since = *hung_up.get_or_insert_with(Instant::now);
@@ -254,7 +257,10 @@ fn reopen(name: Option<PortName>, path: String, line: Option<(LinkFaults, u64)>)
         };
         let now = match &name {
             Some(name) => name.path().map(|p| p.to_string_lossy().into_owned()),
-            None => Some(path.clone()),
+            None => match &adapter {
+                Some(adapter) => adapter.path(Path::new(&path)),
+                None => Some(path.clone()),
+            },
         };
         let Some(now) = now.filter(|_| !away) else {
             return Err(DeviceError::Absent { device: path.clone() });

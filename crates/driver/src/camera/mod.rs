@@ -1,7 +1,15 @@
 //! Cameras behind [`gonio_instrument::Camera`].
 
+#[cfg(any(feature = "cameras", feature = "genicam"))]
+mod asking;
 pub mod fault;
+#[cfg(feature = "genicam")]
+pub mod genicam;
+#[cfg(any(feature = "cameras", feature = "genicam"))]
+mod guard;
 mod message;
+#[cfg(any(feature = "cameras", feature = "genicam"))]
+pub mod raw;
 pub mod socket;
 #[cfg(feature = "cameras")]
 pub mod v4l;

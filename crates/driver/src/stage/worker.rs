@@ -3,7 +3,7 @@
 use super::outcome::{describe_command, restarted_error, result_of};
 use super::returning::{Checked, Returning};
 use super::{Direction, Options, Snapshot, StageEvent};
-use crate::transport::{Transport, Waker};
+use crate::transport::{Transport, Waker, memory_pair};
 use gonio_instrument::{DeviceError, LinkStatistics, StageIdentity};
 use gonio_protocol::hello::{Hello, Version};
 use gonio_protocol::host::{Host, HostEvent};
@@ -170,6 +170,8 @@ impl Worker {
         let since = Instant::now();
         self.tell(&StageEvent::HungUp(error.clone()));
         let telemetry = self.update(|snapshot| snapshot.telemetry.take());
+        // put down at once: a port that is still held comes back under another name, or not at all
+        self.transport = Box::new(memory_pair(self.transport.name()).0);
         loop {
             if !self.take_requests() {
                 return Err(error);

@@ -46,7 +46,7 @@ pub fn findings(seen: &Seen) -> Vec<String> {
         out.push(seen.usb_trouble.clone());
     }
     out.extend(seen.cameras.iter().filter(|c| c.permitted && !c.no_pictures).filter_map(camera));
-    if cfg!(feature = "cameras") && seen.cameras.iter().all(|c| c.no_pictures) {
+    if cfg!(feature = "cameras") && seen.genicam.is_empty() && seen.cameras.iter().all(|c| c.no_pictures) {
         out.push(
             "no camera is there: plug it in, then look at `sudo dmesg | tail`; without one use --camera sim or sim:SOCKET".to_owned(),
         );
@@ -111,6 +111,7 @@ mod tests {
             path: "/dev/ttyUSB7".into(),
             usb_id: None,
             description: "adapter".into(),
+            serial: String::new(),
             permitted: true,
         };
         let stage = UsbDevice {
@@ -137,6 +138,7 @@ mod tests {
             stages: vec![stage],
             usb_trouble: String::new(),
             cameras: vec![camera, metadata],
+            genicam: Vec::new(),
             udev: State::Installed("/etc/udev/rules.d/70-gonio.rules".into()),
             sudo_line: "sudo gonio doctor --install-udev".into(),
         }

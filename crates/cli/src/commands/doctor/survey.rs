@@ -48,6 +48,8 @@ pub struct Seen {
     pub usb_trouble: String,
     /// Cameras.
     pub cameras: Vec<CameraSeen>,
+    /// GenICam cameras: id, what they call themselves, protocol, address. Empty where this program is built without.
+    pub genicam: Vec<[String; 4]>,
     /// The rules.
     pub udev: State,
     /// What an administrator runs to install them.
@@ -71,6 +73,7 @@ pub fn look(rules_folder: &Path) -> Result<Seen, Failure> {
         stages,
         usb_trouble,
         cameras: cameras(),
+        genicam: genicam(),
         sudo_line: udev::sudo_line(rules_folder, other),
         udev,
     })
@@ -78,7 +81,8 @@ pub fn look(rules_folder: &Path) -> Result<Seen, Failure> {
 
 #[cfg(feature = "cameras")]
 fn cameras() -> Vec<CameraSeen> {
-    use gonio_driver::camera::v4l::{controls, formats, list_cameras};
+    use gonio_driver::camera::raw;
+    use gonio_driver::camera::v4l::{controls, list_cameras};
     let seen = |c: gonio_driver::camera::v4l::CameraFacts| CameraSeen {
         path: c.node.path.display().to_string(),
         name: c
@@ -97,7 +101,7 @@ fn cameras() -> Vec<CameraSeen> {
             .iter()
             .map(|f| {
                 let sizes = f.sizes.iter().map(ToString::to_string).collect();
-                (f.code.to_string(), sizes, formats::raw_format(f.code).map(|raw| raw.bits))
+                (f.code.to_string(), sizes, raw::raw_format(f.code).map(|f| f.bits))
             })
             .collect(),
         exposure_s: controls::exposure_limits(&c.controls).map(|l| l.map(|t| t.as_secs_f64())),
@@ -109,6 +113,17 @@ fn cameras() -> Vec<CameraSeen> {
 
 #[cfg(not(feature = "cameras"))]
 fn cameras() -> Vec<CameraSeen> {
+    Vec::new()
+}
+
+#[cfg(feature = "genicam")]
+fn genicam() -> Vec<[String; 4]> {
+    let found = gonio_driver::camera::genicam::list();
+    found.into_iter().map(|d| [d.id, d.description, d.protocol, d.address]).collect()
+}
+
+#[cfg(not(feature = "genicam"))]
+fn genicam() -> Vec<[String; 4]> {
     Vec::new()
 }
 
@@ -147,6 +162,9 @@ impl Seen {
             if !formats.is_empty() {
                 text += &format!("  {}{exposure}\n", formats.join(", "));
             }
+        }
+        for [id, description, protocol, address] in &self.genicam {
+            text += &format!("genicam:{id} {description} ({protocol}, {address})\n");
         }
         text += &match self.udev.path() {
             Some(path) => format!("udev rules: {} ({})\n", self.udev.word(), path.display()),
@@ -196,7 +214,15 @@ impl Seen {
                 })
             })
             .collect();
+        let genicam: Vec<Value> = self
+            .genicam
+            .iter()
+            .map(|[id, description, protocol, address]| {
+                json!({ "camera": format!("genicam:{id}"), "description": description, "protocol": protocol, "address": address })
+            })
+            .collect();
         json!({
+            "genicam": genicam,
             "ports": ports, "stages": stages, "usb_trouble": self.usb_trouble, "cameras": cameras,
             "udev": { "state": self.udev.word(), "path": self.udev.path().map(shown) },
         })

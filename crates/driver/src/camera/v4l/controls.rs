@@ -3,7 +3,7 @@
 //! Order matters: while automatic exposure is on, many cameras refuse an exposure time or take it and go on changing it. What a camera takes need not be
 //! what it was given; the value read back is the one that is used and recorded.
 
-use super::guard::guarded;
+use crate::camera::guard::guarded;
 use gonio_instrument::DeviceError;
 use std::time::Duration;
 use v4l::Device;

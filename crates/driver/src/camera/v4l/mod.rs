@@ -6,32 +6,25 @@
 //! number, and a capture under way waits for that.
 
 pub mod controls;
-pub mod formats;
-mod guard;
 pub mod nodes;
 mod session;
 mod survey;
 pub mod timing;
 mod worker;
 
+pub use super::raw::Wanted;
 pub use controls::{ControlFacts, Settings};
-pub use formats::Wanted;
 pub use nodes::{CameraName, Node, Role};
 pub use survey::{CameraFacts, list_cameras};
 
+use super::asking::CameraThread;
 use gonio_instrument::{Camera, CameraInfo, Cancel, DeviceError, Frame};
 use nodes::Places;
 use session::{Session, monotonic};
 use std::fmt;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{RecvTimeoutError, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::thread::{Builder, JoinHandle};
 use std::time::Duration;
-use worker::{Request, State, Worker};
-
-/// How often a stop request is looked at while a frame is awaited.
-const GLANCE: Duration = Duration::from_millis(20);
+use worker::{State, Worker};
 
 /// What happens to a camera besides frames.
 #[derive(Clone, Debug, PartialEq)]
@@ -74,7 +67,7 @@ impl fmt::Debug for Options {
 pub struct Tally {
     /// Given to whoever asked.
     pub taken: u64,
-    /// Sound, and nobody had asked, or exposed too early for the one who had.
+    /// Not given to anybody: nobody had asked, or they were exposed too early for the one who had.
     pub passed: u64,
     /// Damaged on their way, while one was waited for.
     pub damaged: u64,
@@ -85,14 +78,12 @@ pub struct Tally {
 /// An open camera.
 #[derive(Debug)]
 pub struct V4lCamera {
-    name: String,
     info: CameraInfo,
     format: String,
     settings: Settings,
     exposure_limits: Option<[Duration; 2]>,
     tally: Arc<Mutex<Tally>>,
-    requests: Option<SyncSender<Request>>,
-    thread: Option<JoinHandle<()>>,
+    thread: CameraThread,
 }
 
 /// Opens a camera with the usual options.
@@ -123,26 +114,16 @@ pub fn open_with(name: &CameraName, wanted: &Wanted, options: Options) -> Result
     let (format, settings) = (session.format.code.to_string(), session.settings.clone());
     let exposure_limits = session.exposure_limits;
     tracing::info!(%name, ?info, %format, ?settings, ?exposure_limits, "camera opened");
-    let (requests, inbox) = sync_channel(4);
     let tally = Arc::new(Mutex::new(Tally::default()));
-    let worker = Worker {
-        name: name.clone(),
-        wanted: *wanted,
-        places,
-        node,
-        session: Some(session),
-        requests: inbox,
-        options,
-        tally: Arc::clone(&tally),
-        opened: monotonic(),
-        state: State::default(),
-    };
-    let thread = Builder::new()
-        .name("gonio-camera".into())
-        .spawn(move || worker.run())
-        .map_err(|e| DeviceError::Io { device: name.clone(), reason: e.to_string() })?;
-    let (requests, thread) = (Some(requests), Some(thread));
-    Ok(V4lCamera { name, info, format, settings, exposure_limits, tally, requests, thread })
+    let (counted, wanted, called) = (Arc::clone(&tally), *wanted, name.clone());
+    let thread = CameraThread::spawn("gonio-camera", &name, move |requests| {
+        let opened = monotonic();
+        let (session, state) = (Some(session), State::default());
+        let name = called;
+        Worker { name, wanted, places, node, session, requests, options, tally: counted, opened, state }
+            .run();
+    })?;
+    Ok(V4lCamera { info, format, settings, exposure_limits, tally, thread })
 }
 
 /// The first node that gives pictures; if none does, why the first does not.
@@ -189,35 +170,7 @@ impl Camera for V4lCamera {
     }
 
     fn capture(&mut self, exposure: Duration, cancel: &Cancel) -> Result<Frame, DeviceError> {
-        if cancel.is_raised() {
-            return Err(DeviceError::Cancelled);
-        }
-        let gone = || DeviceError::Gone { device: self.name.clone() };
-        let (answer, frame) = sync_channel(1);
-        let abandoned = Arc::new(AtomicBool::new(false));
-        let request = Request { exposure, answer, abandoned: Arc::clone(&abandoned) };
-        self.requests.as_ref().ok_or_else(gone)?.send(request).map_err(|_| gone())?;
-        loop {
-            match frame.recv_timeout(GLANCE) {
-                Ok(result) => return result,
-                Err(RecvTimeoutError::Disconnected) => return Err(gone()),
-                Err(RecvTimeoutError::Timeout) if cancel.is_raised() => {
-                    abandoned.store(true, Ordering::Relaxed);
-                    return Err(DeviceError::Cancelled);
-                }
-                Err(RecvTimeoutError::Timeout) => {}
-            }
-        }
-    }
-}
-
-impl Drop for V4lCamera {
-    fn drop(&mut self) {
-        self.requests = None;
-        if let Some(thread) = self.thread.take() {
-            // a panic has been printed where it happened
-            let _ = thread.join();
-        }
+        self.thread.capture(exposure, cancel)
     }
 }
 

@@ -1,9 +1,9 @@
 //! A camera while it is plugged in: opened, set up by hand, streaming. Only the camera's thread touches it.
 
 use super::controls::{self, Settings};
-use super::formats::{Code, Offer, RawFormat, Sizes, TooShort, Wanted, choose};
-use super::guard::guarded;
 use super::nodes::{Node, Role};
+use crate::camera::guard::guarded;
+use crate::camera::raw::{Code, Offer, RawFormat, Sizes, TooShort, Wanted, choose};
 use gonio_instrument::DeviceError;
 use rustix::time::{ClockId, clock_gettime};
 use std::io;
@@ -17,6 +17,8 @@ use v4l::{Device, Format, FourCC};
 
 /// Buffers that the driver fills; one more is read meanwhile.
 const BUFFERS: u32 = 6;
+/// Buffers that come back empty one after the other when a stream is dead.
+const STALLED: u32 = 2;
 /// After the kernel has said that a frame is there it comes at once.
 const AT_ONCE: Duration = Duration::from_millis(100);
 /// Taken where the camera does not tell its frame interval.
@@ -53,6 +55,8 @@ pub(super) struct Session {
     pub card: String,
     pub settings: Settings,
     pub exposure_limits: Option<[Duration; 2]>,
+    /// Buffers that came back empty, one after the other.
+    empty: u32,
 }
 
 impl Session {
@@ -97,6 +101,7 @@ impl Session {
             card,
             settings,
             exposure_limits,
+            empty: 0,
         })
     }
 
@@ -133,6 +138,13 @@ impl Session {
             Err(e) => return Err(device_error(&self.name, &e)),
         }
         let (bytes, meta) = CaptureStream::next(stream).map_err(|e| device_error(&self.name, &e))?;
+        // what a driver gives back, all buffers at once, when the camera's endpoint has stalled; nothing comes after them
+        self.empty =
+            if meta.flags.contains(Flags::ERROR) && meta.bytesused == 0 { self.empty + 1 } else { 0 };
+        if self.empty >= STALLED {
+            let reason = "the stream has stalled and is started anew".to_owned();
+            return Err(DeviceError::Io { device: self.name.clone(), reason });
+        }
         let stamp = stamp(meta);
         let counts = wanted(stamp).then(|| {
             if meta.flags.contains(Flags::ERROR) {

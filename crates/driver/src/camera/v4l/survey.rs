@@ -1,9 +1,9 @@
 //! What the cameras of this machine are and can do, for people who look for what is wrong.
 
 use super::controls::{self, ControlFacts};
-use super::formats::Offer;
 use super::nodes::{Node, Places, Role};
 use super::session::{offers, role};
+use crate::camera::raw::Offer;
 use v4l::Device;
 
 /// A node and what it tells of itself.

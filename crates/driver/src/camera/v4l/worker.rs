@@ -1,14 +1,14 @@
 //! The camera's thread (`gonio-camera`): it empties the stream all the time, answers one question after the other, and looks for a camera that was
 //! unplugged.
 
-use super::formats::Wanted;
 use super::nodes::{Node, Places};
 use super::session::{Damage, Session, monotonic};
 use super::timing::{Question, SETTLE, gap};
 use super::{Notice, Options, Tally};
+use crate::camera::asking::{Request, check_depth};
+use crate::camera::raw::Wanted;
 use gonio_instrument::{DeviceError, Frame};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TryRecvError};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, TryRecvError};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -16,14 +16,6 @@ use std::time::{Duration, Instant};
 const GLANCE: Duration = Duration::from_millis(10);
 /// How often a lost camera is looked for.
 const LOOK_AGAIN: Duration = Duration::from_millis(20);
-
-/// A capture asked for by another thread.
-pub(super) struct Request {
-    pub exposure: Duration,
-    pub answer: SyncSender<Result<Frame, DeviceError>>,
-    /// Nobody waits for the answer any more.
-    pub abandoned: Arc<AtomicBool>,
-}
 
 /// A request under way.
 struct Pending {
@@ -80,7 +72,7 @@ impl Worker {
 
     /// False once the camera has been dropped.
     fn take_request(&mut self) -> bool {
-        if self.state.pending.as_ref().is_some_and(|p| p.request.abandoned.load(Ordering::Relaxed)) {
+        if self.state.pending.as_ref().is_some_and(|p| p.request.is_abandoned()) {
             self.state.pending = None;
         }
         let received = if self.session.is_some() || self.state.pending.is_some() {
@@ -255,8 +247,7 @@ impl Worker {
 
     fn answer(&mut self, result: Result<Frame, DeviceError>) {
         if let Some(pending) = self.state.pending.take() {
-            // the receiver may have lost interest
-            let _ = pending.request.answer.try_send(result);
+            pending.request.answer(result);
         }
     }
 
@@ -272,41 +263,5 @@ impl Worker {
 
     fn count(&self, change: impl FnOnce(&mut Tally)) {
         change(&mut self.tally.lock().unwrap_or_else(PoisonError::into_inner));
-    }
-}
-
-/// A camera that puts its values into the upper bits of a word would be read as too bright by a power of two.
-fn check_depth(frame: Frame, bits: u32) -> Result<Frame, DeviceError> {
-    let top = u16::try_from((1u32 << bits.min(16)) - 1).unwrap_or(u16::MAX);
-    match frame.pixels.iter().find(|p| **p > top) {
-        None => Ok(frame),
-        Some(high) => Err(DeviceError::BadFrame {
-            sequence: frame.sequence,
-            reason: format!(
-                "it holds a count of {high}, above {top}, the top of the instrument's {bits} bits; if the camera fills the upper bits of its words, \
-                 describe it with bits = 16"
-            ),
-        }),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn counts_beyond_the_depth_are_told() {
-        let frame = |top| Frame {
-            width: 2,
-            height: 1,
-            pixels: vec![3, top],
-            exposure: Duration::ZERO,
-            sequence: 9,
-            stamp: Duration::ZERO,
-            sensor_temperature_c: None,
-        };
-        assert!(check_depth(frame(4095), 12).is_ok() && check_depth(frame(65535), 16).is_ok());
-        let error = check_depth(frame(4096), 12).expect_err("13 bits").to_string();
-        assert!(error.contains("4096") && error.contains("4095") && error.contains("bits = 16"), "{error}");
     }
 }

@@ -1,5 +1,5 @@
-//! A fence around calls of a library that panics on what some drivers say (names that are no UTF-8, kinds of controls it does not know) and when a stream
-//! ends badly.
+//! A fence around calls of camera libraries: they panic on what some drivers say (names that are no UTF-8, kinds of controls they do not know), on a null
+//! pointer after a time-out, and when a stream ends badly.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 

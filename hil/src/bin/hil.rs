@@ -36,6 +36,9 @@ struct Arguments {
     /// How long frames are watched for losses, s.
     #[arg(long, default_value_t = 10)]
     watch_s: u64,
+    /// Keep the sessions of the scans in this folder.
+    #[arg(long)]
+    keep: Option<PathBuf>,
     /// Runs, one after the other; ends with the first that fails.
     #[arg(long, default_value_t = 1)]
     runs: u32,
@@ -96,12 +99,27 @@ fn run(a: &Arguments) -> Result<Vec<String>, Error> {
         }
         Err(error) => Ended::Silent(error.to_string()),
     };
+    if let Some(kept) = &a.keep {
+        keep(folder.path(), kept)?;
+    }
     std::io::stdout().write_all(verdict.table().as_bytes())?;
     let mut faults = verdict.faults(&ended);
     if !faults.is_empty() {
         faults.push(format!("the guest's console ended with\n{}", machine.console_tail()));
     }
     Ok(faults)
+}
+
+/// Copies sessions.
+fn keep(from: &Path, to: &Path) -> std::io::Result<()> {
+    std::fs::create_dir_all(to)?;
+    for entry in std::fs::read_dir(from)? {
+        let path = entry?.path();
+        if let (Some(name), Some("mcap")) = (path.file_name(), path.extension().and_then(|e| e.to_str())) {
+            std::fs::copy(&path, to.join(name))?;
+        }
+    }
+    Ok(())
 }
 
 /// What the guest runs.

@@ -66,7 +66,11 @@ impl CameraDevice {
     ///
     /// # Errors
     /// The sensor's thread cannot be started.
-    pub fn new(instrument: &Description, camera: VirtualCamera, ready: Ready) -> std::io::Result<(CameraDevice, Bench)> {
+    pub fn new(
+        instrument: &Description,
+        camera: VirtualCamera,
+        ready: Ready,
+    ) -> std::io::Result<(CameraDevice, Bench)> {
         let c = &instrument.camera;
         let native = c.size.map(|n| u16::try_from(n).unwrap_or(u16::MAX));
         let sizes = vec![native, LARGE];

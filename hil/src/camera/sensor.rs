@@ -139,10 +139,15 @@ impl Sensor {
     ///
     /// # Errors
     /// The thread cannot be started.
-    pub fn start(shared: Arc<Shared>, camera: VirtualCamera, black: u16, top: u16, ready: Ready) -> std::io::Result<Sensor> {
+    pub fn start(
+        shared: Arc<Shared>,
+        camera: VirtualCamera,
+        black: u16,
+        top: u16,
+        ready: Ready,
+    ) -> std::io::Result<Sensor> {
         let mut run = Run { shared: Arc::clone(&shared), camera, black, top, ready, born: Instant::now() };
-        let thread =
-            std::thread::Builder::new().name("hil-sensor".to_owned()).spawn(move || run.frames())?;
+        let thread = std::thread::Builder::new().name("hil-sensor".to_owned()).spawn(move || run.frames())?;
         Ok(Sensor { shared, thread: Some(thread) })
     }
 }

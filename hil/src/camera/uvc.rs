@@ -29,8 +29,7 @@ const SPECIFIC: u8 = 0x24;
 const ASSOCIATION: u8 = 0x0b;
 const VIDEO: u8 = 0x0e;
 /// "Y16 ": 16-bit grey, little endian.
-const Y16: [u8; 16] =
-    [b'Y', b'1', b'6', b' ', 0, 0, 0x10, 0, 0x80, 0, 0, 0xaa, 0, 0x38, 0x9b, 0x71];
+const Y16: [u8; 16] = [b'Y', b'1', b'6', b' ', 0, 0, 0x10, 0, 0x80, 0, 0, 0xaa, 0, 0x38, 0x9b, 0x71];
 
 /// The descriptors of a camera with these frame sizes (columns, rows), the first one the default.
 #[must_use]

@@ -50,12 +50,17 @@ fn number(frame: &Frame) -> Result<u64, String> {
 pub fn exposes(guest: &mut Guest) -> Result<(), String> {
     guest.control.ask(&FromGuest::Chart { on: false })?;
     let (mut camera, _) = open()?;
-    for (asked, expected) in [(100, 100), (2_500, 2_500), (10_300, 10_500), (51_200, 51_000), (100_000, 100_000)] {
+    for (asked, expected) in
+        [(100, 100), (2_500, 2_500), (10_300, 10_500), (51_200, 51_000), (100_000, 100_000)]
+    {
         let frame = camera
             .capture(Duration::from_micros(asked), &Cancel::new())
             .map_err(|e| format!("{asked} µs: {e}"))?;
         if frame.exposure != Duration::from_micros(expected) {
-            return Err(format!("asked for {asked} µs the camera takes {expected} µs; recorded: {:?}", frame.exposure));
+            return Err(format!(
+                "asked for {asked} µs the camera takes {expected} µs; recorded: {:?}",
+                frame.exposure
+            ));
         }
         if (frame.width, frame.height, frame.pixels.len()) != (SIZE[0], SIZE[1], 160 * 128) {
             return Err(format!("a frame of {} x {} pixels", frame.width, frame.height));
@@ -142,7 +147,8 @@ pub fn unplugged(guest: &mut Guest) -> Result<(), String> {
         std::thread::sleep(Duration::from_millis(300));
         let plugged = Instant::now();
         guest.control.plug(Device::Camera, true)?;
-        let frame = take(&mut camera).map_err(|e| format!("after pull {n}: {e}; told: {:?}", events.all()))?;
+        let frame =
+            take(&mut camera).map_err(|e| format!("after pull {n}: {e}; told: {:?}", events.all()))?;
         recovered.push(ms(plugged.elapsed()));
         number(&frame)?;
         if frame.exposure != SHORT {
@@ -176,7 +182,13 @@ pub fn halted(guest: &mut Guest) -> Result<(), String> {
         guest.control.ask(&FromGuest::Healed { device: Device::Camera })?;
     }
     guest.control.ask(&FromGuest::Chart { on: false })?;
-    guest.figure("camera: next frame after a halted stream", ms(longest), "ms", None, &format!("longest of {PULLS} halts"))
+    guest.figure(
+        "camera: next frame after a halted stream",
+        ms(longest),
+        "ms",
+        None,
+        &format!("longest of {PULLS} halts"),
+    )
 }
 
 /// No frames come: a capture fails in time, and goes on when they come again.

@@ -19,7 +19,8 @@ impl Control {
     /// In words, where there is none.
     pub fn open() -> Result<Control, String> {
         let folder = "/sys/class/virtio-ports";
-        let ports = std::fs::read_dir(folder).map_err(|e| format!("{folder}: {e}; this runs in the guest alone"))?;
+        let ports =
+            std::fs::read_dir(folder).map_err(|e| format!("{folder}: {e}; this runs in the guest alone"))?;
         for port in ports.flatten() {
             let name = std::fs::read_to_string(port.path().join("name")).unwrap_or_default();
             if name.trim() == PORT {

@@ -50,8 +50,8 @@ pub const TESTS: &[(&str, Test)] = &[
     ("camera-unplugged", camera::unplugged),
     ("camera-halted", camera::halted),
     ("camera-silent", camera::silent),
-    ("scan-serial", |g| scan::whole(g, Link::Serial)),
     ("scan-usb", |g| scan::whole(g, Link::Usb)),
+    ("scan-serial-disturbed", |g| scan::disturbed(g, Link::Serial)),
 ];
 
 impl Guest {

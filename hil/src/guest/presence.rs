@@ -27,7 +27,10 @@ pub fn all_devices_are_found(_guest: &mut Guest) -> Result<(), String> {
         let stages = list_usb().map_err(|e| e.to_string())?;
         stages
             .iter()
-            .any(|d| (d.vendor, d.product) == (usb::descriptor::VENDOR, stage::PRODUCT) && d.serial == stage::SERIAL)
+            .any(|d| {
+                (d.vendor, d.product) == (usb::descriptor::VENDOR, stage::PRODUCT)
+                    && d.serial == stage::SERIAL
+            })
             .then_some(())
             .ok_or_else(|| format!("no USB stage {} among {stages:?}", stage::SERIAL))
     })?;
@@ -37,9 +40,12 @@ pub fn all_devices_are_found(_guest: &mut Guest) -> Result<(), String> {
         let roles: Vec<_> = ours.filter_map(|n| n.role).collect();
         let pictures = roles.iter().filter(|r| **r == Role::Pictures).count();
         let metadata = roles.iter().filter(|r| **r == Role::Metadata).count();
-        (pictures == 1 && metadata == 1)
-            .then_some(())
-            .ok_or_else(|| format!("expected one node of pictures and one of metadata of camera {}, found {nodes:?}", camera::SERIAL))
+        (pictures == 1 && metadata == 1).then_some(()).ok_or_else(|| {
+            format!(
+                "expected one node of pictures and one of metadata of camera {}, found {nodes:?}",
+                camera::SERIAL
+            )
+        })
     })
 }
 

@@ -55,7 +55,12 @@ impl Link {
     }
 
     fn address(self) -> String {
-        format!("{:04x}:{:04x}:{}", crate::usb::descriptor::VENDOR, crate::stage::PRODUCT, crate::stage::SERIAL)
+        format!(
+            "{:04x}:{:04x}:{}",
+            crate::usb::descriptor::VENDOR,
+            crate::stage::PRODUCT,
+            crate::stage::SERIAL
+        )
     }
 
     fn open(self) -> Result<Box<dyn Transport>, DeviceError> {
@@ -206,7 +211,13 @@ pub fn halted(guest: &mut Guest) -> Result<(), String> {
         guest.control.ask(&FromGuest::Healed { device: Device::Usb })?;
     }
     let hung_up = events.all().iter().filter(|e| matches!(e, StageEvent::HungUp(_))).count();
-    guest.figure("usb: sessions lost to a halted endpoint", hung_up as f64, "", None, &format!("{PULLS} halts"))
+    guest.figure(
+        "usb: sessions lost to a halted endpoint",
+        hung_up as f64,
+        "",
+        None,
+        &format!("{PULLS} halts"),
+    )
 }
 
 /// The device answers no transfer: commands fail in time, and all is well when it answers again.
@@ -221,7 +232,9 @@ pub fn silent(guest: &mut Guest) -> Result<(), String> {
     guest.control.ask(&FromGuest::Silence { device, on: false })?;
     match answer {
         Err(DeviceError::Timeout { .. }) => {}
-        other => return Err(format!("a silent device gave {other:?} after {waited:?}; told: {:?}", events.all())),
+        other => {
+            return Err(format!("a silent device gave {other:?} after {waited:?}; told: {:?}", events.all()));
+        }
     }
     if waited > Options::default().silence_timeout * 2 {
         return Err(format!("it took {waited:?} until the silence was told"));

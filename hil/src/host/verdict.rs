@@ -57,7 +57,12 @@ impl Verdict {
             if let Some(bound) = f.bound
                 && !(f.value <= bound)
             {
-                faults.push(format!("{}: {} {u} where at most {bound} {u} are allowed", f.name, f.value, u = f.unit));
+                faults.push(format!(
+                    "{}: {} {u} where at most {bound} {u} are allowed",
+                    f.name,
+                    f.value,
+                    u = f.unit
+                ));
             }
         }
         match ended {

@@ -256,7 +256,9 @@ const TYPE_BULK: u8 = 2;
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PacketError {
     /// A body longer than any.
-    #[error("a usbredir packet of type {kind} claims {length} bytes, more than any holds: the stream is out of step")]
+    #[error(
+        "a usbredir packet of type {kind} claims {length} bytes, more than any holds: the stream is out of step"
+    )]
     TooLong {
         /// Type.
         kind: u32,
@@ -320,7 +322,8 @@ impl Codec {
         Ok(match kind {
             kind::HELLO => {
                 need(VERSION_TEXT)?;
-                let capabilities = if body.len() >= VERSION_TEXT + 4 { u32_at(body, VERSION_TEXT) } else { 0 };
+                let capabilities =
+                    if body.len() >= VERSION_TEXT + 4 { u32_at(body, VERSION_TEXT) } else { 0 };
                 self.long_ids = capabilities & capability::LONG_IDS != 0;
                 self.long_bulk = capabilities & capability::LONG_BULK != 0;
                 FromGuest::Hello { capabilities }
@@ -400,7 +403,8 @@ impl Codec {
                 self.frame(kind::ALT, *id, &[*status as u8, *interface, *alternate])
             }
             ToGuest::Control { id, status, setup, data } => {
-                let mut body = vec![setup.request_type & 0x80, setup.request, setup.request_type, *status as u8];
+                let mut body =
+                    vec![setup.request_type & 0x80, setup.request, setup.request_type, *status as u8];
                 let length = if setup.is_in() { data.len() as u16 } else { setup.length };
                 for number in [setup.value, setup.index, length] {
                     body.extend_from_slice(&number.to_le_bytes());
@@ -547,9 +551,6 @@ mod tests {
         assert!(matches!(codec.next_packet(), Err(PacketError::TooLong { kind: 100, .. })));
         let mut codec = Codec::default();
         codec.push(&[100, 0, 0, 0, 2, 0, 0, 0, 0, 0, 0, 0, 1, 2]);
-        assert_eq!(
-            codec.next_packet(),
-            Err(PacketError::TooShort { kind: 100, found: 2, expected: 10 })
-        );
+        assert_eq!(codec.next_packet(), Err(PacketError::TooShort { kind: 100, found: 2, expected: 10 }));
     }
 }

@@ -49,7 +49,15 @@ impl Descriptors {
     pub fn new(class: [u8; 3], product: u16, texts: [&str; 3]) -> Descriptors {
         let configuration = vec![9, CONFIGURATION, 0, 0, 0, 1, 0, BUS_POWERED, HALF_AN_AMPERE];
         let texts = texts.map(str::to_owned);
-        Descriptors { class, product, release: 0x0100, texts, interfaces: vec![], endpoints: vec![], configuration }
+        Descriptors {
+            class,
+            product,
+            release: 0x0100,
+            texts,
+            interfaces: vec![],
+            endpoints: vec![],
+            configuration,
+        }
     }
 
     /// Adds an interface with the class-specific descriptors behind it and its bulk endpoints.
@@ -103,9 +111,7 @@ impl Descriptors {
                 Some(vec![10, QUALIFIER, 0, 2, main, sub, protocol, CONTROL_PACKET, 1, 0])
             }
             (3, 0) => Some(LANGUAGE.to_vec()),
-            (3, MANUFACTURER_TEXT..=SERIAL_TEXT) => {
-                self.texts.get(usize::from(index) - 1).map(|t| text(t))
-            }
+            (3, MANUFACTURER_TEXT..=SERIAL_TEXT) => self.texts.get(usize::from(index) - 1).map(|t| text(t)),
             _ => None,
         }
     }
@@ -125,7 +131,8 @@ mod tests {
 
     #[test]
     fn lengths_add_up() {
-        let d = Descriptors::new([0; 3], 1, ["m", "p", "s"]).interface(0, [255, 0x47, 1], &[3, 9, 9], &[2, 0x83]);
+        let d =
+            Descriptors::new([0; 3], 1, ["m", "p", "s"]).interface(0, [255, 0x47, 1], &[3, 9, 9], &[2, 0x83]);
         let c = d.find(0x0200).expect("a configuration");
         assert_eq!(usize::from(u16::from_le_bytes([c[2], c[3]])), c.len());
         assert_eq!(c[4], 1);

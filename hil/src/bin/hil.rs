@@ -9,12 +9,14 @@ use clap::Parser;
 use gonio_hil::guest::TESTS;
 use gonio_hil::host::{Bench, Ended, Files, Machine, Verdict};
 use gonio_hil::line::Device;
-use gonio_instrument::builtin;
+use gonio_instrument::{Description, builtin};
 use gonio_sim::Truth;
 
 /// The paint on the holder: a blue of moderate gloss.
 const PAINT: &[u8] = br#"{"model":"ashikhmin-shirley-simplified","diffuse":[0.06,0.13,0.32],"specular":[0.09,0.1,0.12],"exponent":120.0}"#;
 const SEED: u64 = 1;
+/// Shortest and longest exposure.
+const EXPOSURE_S: [f64; 2] = [1e-4, 0.1];
 /// Longest a run may take besides the watch over frames.
 const LONGEST: Duration = Duration::from_secs(400);
 
@@ -86,11 +88,12 @@ fn run(a: &Arguments) -> Result<Vec<String>, Error> {
     let folder = tempfile::Builder::new().prefix("gonio-hil-").tempdir()?;
     let programs = std::fs::canonicalize(&a.programs)?;
     let files = Files { kernel: a.files.join("vmlinuz"), initrd: a.files.join("initrd") };
+    let instrument = instrument()?;
+    std::fs::write(folder.path().join("instrument.toml"), instrument.to_toml()?)?;
     let mut machine = Machine::boot(&files, folder.path(), &job(&programs, a.watch_s, &tests))?;
-    let tiny = builtin::description("tiny").ok_or("no tiny instrument")??;
     let truth = Truth::from_bytes(PAINT)?;
     let mut verdict = Verdict::new(&tests);
-    let bench = Bench::build(&tiny, truth, SEED, machine.sockets(), &a.without);
+    let bench = Bench::build(&instrument, truth, SEED, machine.sockets(), &a.without);
     let longest = LONGEST + Duration::from_secs(a.watch_s);
     let ended = match bench {
         Ok(mut bench) => {
@@ -108,6 +111,14 @@ fn run(a: &Arguments) -> Result<Vec<String>, Error> {
         faults.push(format!("the guest's console ended with\n{}", machine.console_tail()));
     }
     Ok(faults)
+}
+
+/// The tiny instrument before a camera of the video class: exposures in its unit, and none so long that the tests wait for them.
+fn instrument() -> Result<Description, Error> {
+    let mut tiny = builtin::description("tiny").ok_or("no tiny instrument")??;
+    tiny.name = "hil".to_owned();
+    tiny.camera.exposure_s = EXPOSURE_S;
+    Ok(tiny)
 }
 
 /// Copies sessions.

@@ -14,7 +14,7 @@ use gonio_instrument::ScanKind;
 const TAIL: usize = 12;
 
 /// When plugs are pulled in a scan, s after its start, and for how long.
-const PULLED_AT: [f64; 2] = [5.0, 10.0];
+const PULLED_AT: [f64; 2] = [3.0, 5.0];
 const PULLED_FOR: Duration = Duration::from_millis(500);
 
 /// Scans the sample through a link and the camera; the session is complete and every byte of it verifies.
@@ -49,7 +49,8 @@ fn scan(guest: &mut Guest, link: Link, pulled: &[Device]) -> Result<f64, String>
     let session = guest.folder.join(format!("{}.mcap", link.device().name()));
     let device = link.argument().map_err(|e| e.to_string())?;
     let camera = format!("v4l:{}", crate::camera::SERIAL);
-    let mut arguments = vec!["scan", "--device", &device, "--camera", &camera, "--instrument", "tiny"];
+    let instrument = guest.folder.join("instrument.toml").display().to_string();
+    let mut arguments = vec!["scan", "--device", &device, "--camera", &camera, "--instrument", &instrument];
     let session = session.display().to_string();
     arguments.extend(["--sample", "hil", "-o", &session, "--force"]);
     let start = Instant::now();

@@ -7,6 +7,7 @@
 //! What it leaves to others: how the instrument behaves (`gonio-sim`), and everything that is tested (`gonio-driver`, `gonio`).
 
 pub mod camera;
+pub mod files;
 pub mod guest;
 pub mod host;
 pub mod instrument;

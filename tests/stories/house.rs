@@ -34,9 +34,11 @@ const MAY_DEPEND_ON: &[(&str, &[&str])] = &[
 const MUST_NOT_KNOW: &[(&str, &[&str])] = &[
     ("gonio-protocol", &["tokio", "rustix", "serialport"]),
     ("gonio-optics", &["tokio", "rustix", "serialport", "mcap"]),
-    ("gonio-instrument", &["tokio", "rustix", "serialport", "mcap"]),
-    ("gonio-recording", &["serialport", "rusb", "nokhwa", "v4l"]),
-    ("gonio-acquisition", &["serialport", "rusb", "nokhwa", "v4l", "rustix"]),
+    ("gonio-instrument", &["tokio", "rustix", "serialport", "mcap", "rusb", "v4l"]),
+    // hardware is reached through the driver alone
+    ("gonio", &["serialport", "rusb", "nokhwa", "v4l", "aravis"]),
+    ("gonio-recording", &["serialport", "rusb", "nokhwa", "v4l", "aravis"]),
+    ("gonio-acquisition", &["serialport", "rusb", "nokhwa", "v4l", "aravis", "rustix"]),
 ];
 
 fn manifests() -> BTreeMap<String, toml::Table> {

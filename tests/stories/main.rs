@@ -11,6 +11,7 @@ mod formats;
 mod geometry;
 mod going_on;
 mod golden_tables;
+mod hardware;
 mod house;
 mod laws;
 mod main_job;

@@ -156,6 +156,11 @@ pub enum Command {
         #[arg(long, conflicts_with = "emergency")]
         resume: bool,
     },
+    /// Take one picture of a camera, to see that it looks where it should (no measurement)
+    #[command(
+        after_help = "Examples:\n  gonio preview --camera v4l:0 -o look.png\n  gonio preview --camera genicam:ID --instrument I.toml --exposure-ms 50 -o look.png"
+    )]
+    Preview(PreviewArguments),
     /// Look at ports, USB stages, cameras and permissions: what is wrong, how to mend it
     #[command(
         after_help = "Examples:\n  gonio doctor\n  sudo gonio doctor --install-udev      whoever sits at this machine may open stages and cameras"
@@ -169,6 +174,29 @@ impl ScanArguments {
     pub fn patience(&self) -> std::time::Duration {
         std::time::Duration::try_from_secs_f64(self.patience).unwrap_or_default()
     }
+}
+
+/// `gonio preview`.
+#[derive(Debug, Args)]
+pub struct PreviewArguments {
+    /// v4l:N (N of /dev/videoN, a path, a serial number or a name), genicam:ID, or sim:SOCKET
+    #[arg(long, default_value = "v4l:0")]
+    pub camera: String,
+    /// PNG to write
+    #[arg(short, long)]
+    pub output: PathBuf,
+    /// Take a raw frame of a camera that gives colour too
+    #[arg(long)]
+    pub raw: bool,
+    /// Exposure of a raw frame
+    #[arg(long, default_value_t = 20.0, value_name = "MS")]
+    pub exposure_ms: f64,
+    /// Instrument whose size and depth a GenICam or virtual camera gives: TOML, `reference` or `tiny`
+    #[arg(long, default_value = "reference")]
+    pub instrument: String,
+    /// Overwrite the output
+    #[arg(long)]
+    pub force: bool,
 }
 
 /// `gonio doctor`.

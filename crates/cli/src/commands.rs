@@ -16,6 +16,7 @@ pub mod paint;
 mod paint_design;
 mod paint_sweep;
 pub mod plan;
+pub mod preview;
 pub mod render;
 pub mod replay;
 pub mod running;
@@ -70,6 +71,7 @@ pub fn dispatch(arguments: Arguments) -> Result<Outcome, Failure> {
             };
             running::tell(printer, ask)
         }
+        Command::Preview(a) => preview::run(&a, printer),
         Command::Doctor(a) => doctor::run(&a, printer),
     }
 }

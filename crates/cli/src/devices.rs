@@ -102,10 +102,20 @@ pub fn check(stage: &StageName, camera: &CameraChoice) -> Result<(), Failure> {
         (StageName::Serial(_) | StageName::Usb(_), CameraChoice::Sim) => Err(Failure::usage(
             "--camera sim goes with --device sim; for a virtual camera of another program give sim:SOCKET",
         )),
-        (_, CameraChoice::V4l(name)) if !cfg!(feature = "cameras") => Err(Failure::usage(format!(
+        (_, camera) => check_built(camera),
+    }
+}
+
+/// Whether this program was built with what the camera takes.
+///
+/// # Errors
+/// [`Failure::Usage`] with the feature to build with.
+pub fn check_built(camera: &CameraChoice) -> Result<(), Failure> {
+    match camera {
+        CameraChoice::V4l(name) if !cfg!(feature = "cameras") => Err(Failure::usage(format!(
             "--camera v4l:{name}: this gonio was built without cameras; build it with --features cameras"
         ))),
-        (_, CameraChoice::Genicam(id)) if !cfg!(feature = "genicam") => Err(Failure::usage(format!(
+        CameraChoice::Genicam(id) if !cfg!(feature = "genicam") => Err(Failure::usage(format!(
             "--camera genicam:{id}: this gonio was built without GenICam; build it with --features genicam (docs/hardware.md)"
         ))),
         _ => Ok(()),

@@ -6,9 +6,11 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use clap::Parser;
+use gonio_hil::files;
 use gonio_hil::guest::TESTS;
-use gonio_hil::host::{Bench, Ended, Files, Machine, Verdict};
-use gonio_hil::line::Device;
+use gonio_hil::host::{Bench, Ended, Files, Machine, Verdict, evaluation};
+use gonio_hil::line::{Device, Figure};
+use gonio_instrument::certificate::Certificate;
 use gonio_instrument::{Description, builtin};
 use gonio_sim::Truth;
 
@@ -89,7 +91,9 @@ fn run(a: &Arguments) -> Result<Vec<String>, Error> {
     let programs = std::fs::canonicalize(&a.programs)?;
     let files = Files { kernel: a.files.join("vmlinuz"), initrd: a.files.join("initrd") };
     let instrument = instrument()?;
-    std::fs::write(folder.path().join("instrument.toml"), instrument.to_toml()?)?;
+    std::fs::write(folder.path().join(files::INSTRUMENT), instrument.to_toml()?)?;
+    let certificate = serde_json::to_string(&Certificate::virtual_white())?;
+    std::fs::write(folder.path().join(files::CERTIFICATE), certificate)?;
     let mut machine = Machine::boot(&files, folder.path(), &job(&programs, a.watch_s, &tests))?;
     let truth = Truth::from_bytes(PAINT)?;
     let mut verdict = Verdict::new(&tests);
@@ -102,6 +106,10 @@ fn run(a: &Arguments) -> Result<Vec<String>, Error> {
         }
         Err(error) => Ended::Silent(error.to_string()),
     };
+    if evaluation::NEEDS.iter().all(|needed| tests.contains(needed)) {
+        verdict.want(evaluation::NAME);
+        evaluate(&programs.join("gonio"), folder.path(), &mut verdict);
+    }
     if let Some(kept) = &a.keep {
         keep(folder.path(), kept)?;
     }
@@ -111,6 +119,23 @@ fn run(a: &Arguments) -> Result<Vec<String>, Error> {
         faults.push(format!("the guest's console ended with\n{}", machine.console_tail()));
     }
     Ok(faults)
+}
+
+/// Evaluates the scans of the guest here, where it is faster.
+fn evaluate(gonio: &Path, folder: &Path, verdict: &mut Verdict) {
+    let start = Instant::now();
+    let found = evaluation::evaluate(gonio, folder, PAINT);
+    let seconds = start.elapsed().as_secs_f64();
+    if let Ok(off) = &found {
+        verdict.figure(Figure {
+            name: "paint found, largest difference of a parameter".to_owned(),
+            value: 100.0 * off,
+            unit: "%".to_owned(),
+            bound: None,
+            from: "fit of the scan through USB and the camera".to_owned(),
+        });
+    }
+    verdict.result(evaluation::NAME.to_owned(), seconds, found.err());
 }
 
 /// The tiny instrument before a camera of the video class: exposures in its unit, and none so long that the tests wait for them.

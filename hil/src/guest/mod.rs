@@ -15,6 +15,7 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use crate::line::{Figure, FromGuest};
+use gonio_instrument::ScanKind;
 use stage::Link;
 
 /// What the tests have at hand.
@@ -50,7 +51,8 @@ pub const TESTS: &[(&str, Test)] = &[
     ("camera-unplugged", camera::unplugged),
     ("camera-halted", camera::halted),
     ("camera-silent", camera::silent),
-    ("scan-usb", |g| scan::whole(g, Link::Usb)),
+    ("scan-usb-white", |g| scan::whole(g, Link::Usb, ScanKind::White)),
+    ("scan-usb-sample", |g| scan::whole(g, Link::Usb, ScanKind::Sample)),
     ("scan-serial-disturbed", |g| scan::disturbed(g, Link::Serial)),
 ];
 

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use super::Guest;
 use super::stage::Link;
+use crate::files;
 use crate::line::{Device, FromGuest};
 use gonio_instrument::ScanKind;
 
@@ -17,42 +18,42 @@ const TAIL: usize = 12;
 const PULLED_AT: [f64; 2] = [3.0, 5.0];
 const PULLED_FOR: Duration = Duration::from_millis(500);
 
-/// Scans the sample through a link and the camera; the session is complete and every byte of it verifies.
-pub fn whole(guest: &mut Guest, link: Link) -> Result<(), String> {
-    let seconds = scan(guest, link, &[])?;
-    let name = link.device().name();
-    guest.figure(
-        &format!("a scan through {name} and the camera"),
-        seconds,
-        "s",
-        None,
-        "6 poses, tiny instrument",
-    )
+/// Scans what is to be scanned through a link and the camera; the session is complete and every byte of it verifies.
+pub fn whole(guest: &mut Guest, link: Link, kind: ScanKind) -> Result<(), String> {
+    let seconds = scan(guest, link, kind, &[])?;
+    let name = format!("a scan ({}) through {} and the camera", word(kind)?, link.device().name());
+    guest.figure(&name, seconds, "s", None, "6 poses, tiny instrument")
 }
 
-/// The same with the plug of the stage pulled for a moment in the midst of it, then that of the camera: it costs time, no pose.
+/// Scans the sample with the plug of the stage pulled for a moment in the midst of it, then that of the camera: it costs time, no pose.
 pub fn disturbed(guest: &mut Guest, link: Link) -> Result<(), String> {
-    let seconds = scan(guest, link, &[link.device(), Device::Camera])?;
-    let name = link.device().name();
-    guest.figure(
-        &format!("a scan through {name} and the camera, plugs pulled"),
-        seconds,
-        "s",
-        None,
-        "6 poses, each plug pulled once",
-    )
+    let seconds = scan(guest, link, ScanKind::Sample, &[link.device(), Device::Camera])?;
+    let name = format!("a scan through {} and the camera, plugs pulled", link.device().name());
+    guest.figure(&name, seconds, "s", None, "6 poses, each plug pulled once")
 }
 
-fn scan(guest: &mut Guest, link: Link, pulled: &[Device]) -> Result<f64, String> {
+/// A kind as the command line has it.
+fn word(kind: ScanKind) -> Result<String, String> {
+    match serde_json::to_value(kind) {
+        Ok(serde_json::Value::String(word)) => Ok(word),
+        other => Err(format!("{kind:?} is written as {other:?}")),
+    }
+}
+
+fn scan(guest: &mut Guest, link: Link, kind: ScanKind, pulled: &[Device]) -> Result<f64, String> {
     guest.control.ask(&FromGuest::Chart { on: false })?;
-    guest.control.ask(&FromGuest::Sample { kind: ScanKind::Sample })?;
-    let session = guest.folder.join(format!("{}.mcap", link.device().name()));
+    guest.control.ask(&FromGuest::Sample { kind })?;
+    let kind = word(kind)?;
+    let in_folder = |file: &str| guest.folder.join(file).display().to_string();
+    let session = in_folder(&format!("{}-{kind}.mcap", link.device().name()));
+    let (instrument, certificate) = (in_folder(files::INSTRUMENT), in_folder(files::CERTIFICATE));
     let device = link.argument().map_err(|e| e.to_string())?;
     let camera = format!("v4l:{}", crate::camera::SERIAL);
-    let instrument = guest.folder.join("instrument.toml").display().to_string();
     let mut arguments = vec!["scan", "--device", &device, "--camera", &camera, "--instrument", &instrument];
-    let session = session.display().to_string();
-    arguments.extend(["--sample", "hil", "-o", &session, "--force"]);
+    arguments.extend(["--kind", &kind, "--sample", "hil", "-o", &session]);
+    if kind == "white" {
+        arguments.extend(["--certificate", &certificate]);
+    }
     let start = Instant::now();
     let mut child = program(guest, &arguments);
     let child = child.spawn().map_err(|e| format!("{}: {e}", guest.gonio.display()))?;

@@ -1,6 +1,7 @@
 //! The host's side: runs the machine, holds the plugs, and says whether the run was good.
 
 mod bench;
+pub mod evaluation;
 mod machine;
 mod verdict;
 

@@ -28,6 +28,11 @@ impl Verdict {
         Verdict { wanted, told: vec![], figures: vec![] }
     }
 
+    /// One more test is asked for.
+    pub fn want(&mut self, name: &str) {
+        self.wanted.push(name.to_owned());
+    }
+
     /// A test has ended.
     pub fn result(&mut self, name: String, seconds: f64, failure: Option<String>) {
         match &failure {

@@ -2,6 +2,8 @@
 
 #[cfg(any(feature = "cameras", feature = "genicam"))]
 mod asking;
+#[cfg(feature = "cameras")]
+pub mod colour;
 pub mod fault;
 #[cfg(feature = "genicam")]
 pub mod genicam;

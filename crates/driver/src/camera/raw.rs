@@ -193,6 +193,16 @@ pub enum Sizes {
 }
 
 impl Sizes {
+    /// The largest width and height.
+    #[must_use]
+    pub fn largest(&self) -> [u32; 2] {
+        let last = |[low, high, step]: [u32; 3]| low + high.saturating_sub(low) / step.max(1) * step.max(1);
+        match *self {
+            Sizes::One(width, height) => [width, height],
+            Sizes::Steps { width, height } => [last(width), last(height)],
+        }
+    }
+
     fn contain(&self, wanted: [u32; 2]) -> bool {
         let on_step = |n: u32, [low, high, step]: [u32; 3]| {
             (low..=high).contains(&n) && (n - low).is_multiple_of(step.max(1))

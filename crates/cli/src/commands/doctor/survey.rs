@@ -180,7 +180,7 @@ impl Seen {
             .ports
             .iter()
             .map(|p| {
-                json!({ "path": p.path, "usb_id": id(p.usb_id), "description": p.description, "permitted": p.permitted })
+                json!({ "path": p.path, "usb_id": id(p.usb_id), "description": p.description, "serial": p.serial, "permitted": p.permitted })
             })
             .collect();
         let stages: Vec<Value> = self

@@ -82,6 +82,15 @@ pub struct Installed {
 /// # Errors
 /// [`Failure::Usage`] where other rules are in the way, [`Failure::Failed`] with the command line where this takes an administrator.
 pub fn install(folder: &Path, force: bool) -> Result<Installed, Failure> {
+    // a system whose packages have rules reads this one too, once it is there
+    let readable = folder == Path::new(FOLDER) && PACKAGED.iter().any(|p| Path::new(p).is_dir());
+    if readable && !folder.is_dir() && std::fs::create_dir_all(folder).is_err() {
+        return Err(Failure::Failed(format!(
+            "only an administrator may make {}; run: {}",
+            folder.display(),
+            sudo_line(folder, force)
+        )));
+    }
     if !folder.is_dir() {
         return Err(Failure::failed(
             &format!("{} is not there", folder.display()),

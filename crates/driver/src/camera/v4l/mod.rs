@@ -15,7 +15,7 @@ mod worker;
 pub use super::raw::Wanted;
 pub use controls::{ControlFacts, Settings};
 pub use nodes::{CameraName, Node, Role};
-pub use survey::{CameraFacts, list_cameras};
+pub use survey::{CameraFacts, list_cameras, look_at};
 
 use super::asking::CameraThread;
 use gonio_instrument::{Camera, CameraInfo, Cancel, DeviceError, Frame};

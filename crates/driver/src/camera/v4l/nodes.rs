@@ -160,7 +160,7 @@ impl Places {
     }
 
     /// The node of this number, whether it is there or not.
-    fn node(&self, number: u32) -> Node {
+    pub(super) fn node(&self, number: u32) -> Node {
         let folder = self.class.join(format!("video{number}"));
         let path = self.dev.join(format!("video{number}"));
         Node {

@@ -26,6 +26,7 @@ const MAY_DEPEND_ON: &[(&str, &[&str])] = &[
     ("gonio-render", &["paint", "brdf", "optics"]),
     ("gonio-tailor", &["render", "paint", "fitter", "instrument", "brdf", "optics"]),
     ("gonio", &["*"]),
+    ("gonio-hil", &["sim", "driver", "instrument", "protocol", "optics"]),
     ("gonio-tests", &["*"]),
 ];
 
@@ -109,7 +110,7 @@ fn every_version_is_pinned_in_one_place() {
 #[test]
 fn the_architecture_map_names_every_folder_and_only_what_exists() {
     let map = read(&root().join("docs/ARCHITECTURE.md"));
-    for member in ["firmware-protocol", "sim", "tests"].into_iter().map(str::to_owned).chain(
+    for member in ["firmware-protocol", "sim", "hil", "tests"].into_iter().map(str::to_owned).chain(
         std::fs::read_dir(root().join("crates"))
             .expect("crates/")
             .map(|e| format!("crates/{}", e.expect("entry").file_name().to_string_lossy())),

@@ -323,8 +323,8 @@ fn stray_light(
     }
     let without_haze = Stray::new(&map, light.clone());
     let mut evidence = Vec::new();
-    for input in of(&[ScanKind::White, ScanKind::Black, ScanKind::Flat]).filter(|i| i.kind != ScanKind::Flat)
-    {
+    // a black sample sends too little: what haze is uncertain by would count
+    for input in of(&[ScanKind::White]) {
         for pose in merged(input, &map) {
             let (record, mut m) = pose?;
             without_haze.correct(&mut m.pixels, &map);
@@ -380,20 +380,19 @@ fn stray_light(
                 })
                 .collect()
         };
-        let as_seen =
-            |poses: Vec<(PoseRecord, MergedPose, [f64; 3], f64)>, brdf, certificate| -> Vec<Seen<'_>> {
-                poses
-                    .into_iter()
-                    .map(|(record, m, left, lamp)| Seen {
-                        pose: record.readback,
-                        pixels: m.pixels,
-                        brdf,
-                        certificate,
-                        left,
-                        lamp,
-                    })
-                    .collect()
-            };
+        let as_seen = |poses: Vec<Corrected>, brdf, certificate| -> Vec<Seen<'_>> {
+            poses
+                .into_iter()
+                .map(|(record, m, left, lamp)| Seen {
+                    pose: record.readback,
+                    pixels: m.pixels,
+                    brdf,
+                    certificate,
+                    left,
+                    lamp,
+                })
+                .collect()
+        };
         let white = as_seen(see(kinds[0])?, white.as_ref(), *white_u);
         let black = as_seen(see(kinds[1])?, black.as_ref(), *black_u);
         light.face = face_fit::find(&white, &black, &map);

@@ -84,13 +84,19 @@ fn counted(tally: Tally) -> i64 {
 /// once, so the largest of a few is compared.
 pub fn watched(guest: &mut Guest) -> Result<(), String> {
     guest.control.ask(&FromGuest::Chart { on: true })?;
-    let (mut camera, _) = open()?;
+    let (mut camera, events) = open()?;
     let begun = Instant::now();
     let mut ahead = Vec::new();
-    let (mut first, mut last) = (None, 0);
+    let (mut first, mut last, mut restarts) = (None, 0, 0);
     while begun.elapsed() < guest.watch || ahead.len() < 2 * ENDS {
         let n = number(&take(&mut camera)?)?;
         ahead.push(n as i64 - counted(camera.tally()));
+        for told in events.drain() {
+            let now = begun.elapsed().as_secs_f64();
+            let words = format!("{now:.1} s, frame {n}, {:?}: the camera told {told:?}", camera.tally());
+            guest.control.tell(&FromGuest::Note(words))?;
+            restarts += 1;
+        }
         first.get_or_insert(n);
         last = n;
     }
@@ -101,7 +107,7 @@ pub fn watched(guest: &mut Guest) -> Result<(), String> {
     let tally = camera.tally();
     let sent = last - first.unwrap_or(last);
     let from = format!(
-        "{sent} frames in {seconds:.0} s: {} taken, {} passed, {} damaged, {} lost",
+        "{sent} frames in {seconds:.0} s: {} taken, {} passed, {} damaged, {} lost; {restarts} words of a lost stream; surplus {unseen}",
         tally.taken, tally.passed, tally.damaged, tally.lost
     );
     guest.figure("camera: frames lost without being counted", unseen.abs() as f64, "", Some(0.0), &from)?;

@@ -4,6 +4,9 @@ pub mod descriptor;
 pub mod port;
 pub mod standard;
 
+#[cfg(test)]
+mod tests;
+
 pub use descriptor::Descriptors;
 pub use port::{Fault, Port, PortError, Ready, Slot};
 

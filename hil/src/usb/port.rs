@@ -201,11 +201,12 @@ impl From<io::Error> for End {
     }
 }
 
-/// A read of the guest that the device has no bytes for yet.
+/// A read of the guest that the device has no bytes for yet, or a write that it does not take.
 struct Waiting {
     id: u64,
     endpoint: u8,
     length: usize,
+    data: Vec<u8>,
 }
 
 struct Worker {
@@ -383,15 +384,14 @@ impl Worker {
             return self.send(&ToGuest::Bulk { id, status: Status::Invalid, endpoint, length: 0, data: &[] });
         }
         if endpoint & 0x80 != 0 {
-            self.waiting.push_back(Waiting { id, endpoint, length });
+            self.waiting.push_back(Waiting { id, endpoint, length, data: vec![] });
             return Ok(());
         }
         if self.halted.contains(&endpoint) {
             return self.send(&ToGuest::Bulk { id, status: Status::Stall, endpoint, length: 0, data: &[] });
         }
         if self.silent {
-            // never taken: the guest's transfer stays under way until it is cancelled
-            self.waiting.push_back(Waiting { id, endpoint, length: 0 });
+            self.waiting.push_back(Waiting { id, endpoint, length, data: data.to_vec() });
             return Ok(());
         }
         self.function.bulk_out(endpoint, data);
@@ -402,7 +402,7 @@ impl Worker {
     fn answer_waiting(&mut self) -> Result<(), End> {
         let mut empty = HashSet::new();
         let mut place = 0;
-        while let Some(&Waiting { id, endpoint, length }) = self.waiting.get(place) {
+        while let Some(&Waiting { id, endpoint, length, .. }) = self.waiting.get(place) {
             let reads = endpoint & 0x80 != 0;
             if reads && self.halted.contains(&endpoint) {
                 self.halt_seen = true;
@@ -410,8 +410,14 @@ impl Worker {
                 self.send(&ToGuest::Bulk { id, status: Status::Stall, endpoint, length: 0, data: &[] })?;
                 continue;
             }
-            if !reads || self.silent || empty.contains(&endpoint) {
+            if self.silent || empty.contains(&endpoint) {
                 place += 1;
+                continue;
+            }
+            if !reads {
+                if let Some(Waiting { data, .. }) = self.waiting.remove(place) {
+                    self.bulk(id, endpoint, length, &data)?;
+                }
                 continue;
             }
             match self.function.bulk_in(endpoint, length) {

@@ -3,6 +3,7 @@
 pub mod descriptor;
 pub mod port;
 pub mod standard;
+mod worker;
 
 #[cfg(test)]
 mod tests;

@@ -106,7 +106,7 @@ mod tests {
             assert!(length > 0 && at + length <= c.len());
             if kind == SPECIFIC && c[at + 2] == 1 {
                 // header of the controls has its total at 5, that of the stream at 4
-                let place = if c[at..].len() > 0 && total == 0 { 5 } else { 4 };
+                let place = if total == 0 { 5 } else { 4 };
                 assert_eq!(total, sum, "total of the header before");
                 total = usize::from(u16::from_le_bytes([c[at + place], c[at + place + 1]]));
                 sum = 0;

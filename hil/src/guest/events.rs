@@ -3,9 +3,11 @@
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+type Shared<T> = Arc<(Mutex<Vec<(Instant, T)>>, Condvar)>;
+
 /// A list that grows on a device's thread and is waited for on another.
 #[derive(Debug)]
-pub struct Events<T>(Arc<(Mutex<Vec<(Instant, T)>>, Condvar)>);
+pub struct Events<T>(Shared<T>);
 
 impl<T> Clone for Events<T> {
     fn clone(&self) -> Self {
@@ -33,6 +35,11 @@ impl<T: Clone> Events<T> {
     /// Forgets what was.
     pub fn clear(&self) {
         self.lock().clear();
+    }
+
+    /// All so far, and forgets them.
+    pub fn drain(&self) -> Vec<T> {
+        self.lock().drain(..).map(|(_, e)| e).collect()
     }
 
     /// All so far.

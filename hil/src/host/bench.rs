@@ -157,7 +157,7 @@ impl Bench {
     fn obey(&mut self, request: &FromGuest) -> Result<(), BenchError> {
         match *request {
             FromGuest::Plug { device, on } => self.plug(device, on)?,
-            FromGuest::Halt { device } => self.fault(device, |endpoint| Fault::Halt(endpoint)),
+            FromGuest::Halt { device } => self.fault(device, Fault::Halt),
             FromGuest::Healed { device } => self.healed(device)?,
             FromGuest::Silence { device, on } => self.fault(device, |_| Fault::Silent(on)),
             FromGuest::Chart { on } => self.camera_bench.show_chart(on),

@@ -60,7 +60,8 @@ impl Verdict {
         }
         for f in &self.figures {
             if let Some(bound) = f.bound
-                && !(f.value <= bound)
+                // no number is within no bound
+                && f.value.partial_cmp(&bound).is_none_or(std::cmp::Ordering::is_gt)
             {
                 faults.push(format!(
                     "{}: {} {u} where at most {bound} {u} are allowed",

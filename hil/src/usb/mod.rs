@@ -3,6 +3,10 @@
 pub mod descriptor;
 pub mod port;
 pub mod standard;
+mod worker;
+
+#[cfg(test)]
+mod tests;
 
 pub use descriptor::Descriptors;
 pub use port::{Fault, Port, PortError, Ready, Slot};

@@ -170,7 +170,8 @@ fn a_stop_does_not_wait_for_a_port_that_is_gone() {
     stage.home(&Cancel::new()).expect("homed");
     pty.pull();
     let begun = Instant::now();
-    assert!(matches!(stage.stop(), Err(DeviceError::Gone { .. })));
+    let stopped = stage.stop();
+    assert!(matches!(stopped, Err(DeviceError::Gone { .. })), "{stopped:?}");
     assert!(begun.elapsed() < LONG / 2, "it waited for the port");
 }
 

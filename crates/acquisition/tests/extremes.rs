@@ -43,6 +43,8 @@ fn white(pixels: usize) -> WhiteReference {
         lamp_relative: 0.0,
         serial: String::new(),
         notes: Vec::new(),
+        stray_relative: 0.0,
+        law: Vec::new(),
     }
 }
 

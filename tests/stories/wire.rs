@@ -162,11 +162,13 @@ fn a_device_that_restarts_while_its_plug_is_pulled_is_not_believed_its_positions
 
 #[test]
 fn a_stop_does_not_wait_for_a_port_that_is_gone() {
+    let folder = tempfile::tempdir().expect("a folder");
+    // a name of its own: the pseudo-terminal's is given to the next one as soon as it is free, and another device answers there
+    let link = folder.path().join("ttyGONIO");
     let (firmware, _world) = firmware(5.0, Faults::default());
-    let pty = serve_pty(firmware, None).expect("a pseudo-terminal");
-    let path = pty.path.to_str().expect("text").to_owned();
+    let pty = serve_pty(firmware, Some(&link)).expect("a pseudo-terminal");
     let options = Options { patience: LONG, ..Options::default() };
-    let mut stage = SerialStage::open(&path, options).expect("a session");
+    let mut stage = SerialStage::open(link.to_str().expect("text"), options).expect("a session");
     stage.home(&Cancel::new()).expect("homed");
     pty.pull();
     let begun = Instant::now();

@@ -87,6 +87,9 @@ fn run(a: &Arguments) -> Result<Vec<String>, Error> {
     if tests.is_empty() {
         return Ok(vec!["no test has such a name".to_owned()]);
     }
+    // the first waits until the kernel has found the devices, which the others rely on
+    let first = TESTS.first().map(|(name, _)| *name).filter(|name| !tests.contains(name));
+    let tests: Vec<&str> = first.into_iter().chain(tests).collect();
     let folder = tempfile::Builder::new().prefix("gonio-hil-").tempdir()?;
     let programs = std::fs::canonicalize(&a.programs)?;
     let files = Files { kernel: a.files.join("vmlinuz"), initrd: a.files.join("initrd") };

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use gonio_optics::{Geometry, Vec3};
 
-use crate::{Brdf, Flag, Grid, Meaning, Measured, Rgb};
+use crate::{Brdf, Flag, Grid, Meaning, Rgb};
 
 /// A measured table over (φi, θi, θo, φ); φ runs fastest, φi slowest.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,7 +24,7 @@ pub struct Anisotropic {
     pub sigma: Vec<[f32; 3]>,
     /// What is known of the cell.
     pub flag: Vec<Flag>,
-    /// As [`Measured::attributes`].
+    /// As [`crate::Measured::attributes`].
     pub attributes: BTreeMap<String, String>,
 }
 
@@ -152,38 +152,6 @@ impl Brdf for Anisotropic {
     }
 }
 
-/// One azimuth of the light as a table of its own, φ folded: the mean of both sides, for programs that know three angles.
-impl Anisotropic {
-    /// See above; `None` for an azimuth that is not there.
-    #[must_use]
-    pub fn at_azimuth(&self, phi_i: usize) -> Option<Measured> {
-        self.phi_i_deg.get(phi_i)?;
-        let phi_deg: Vec<f64> = self.grid.phi_deg.iter().copied().filter(|p| *p <= 180.0).collect();
-        let mut m = Measured::empty(Grid { phi_deg, ..self.grid.clone() }, self.meaning);
-        for i in 0..m.grid.len() {
-            let [ti, to, phi] = m.grid.coordinates(i);
-            let other = (360.0 - m.grid.phi_deg[phi]).rem_euclid(360.0);
-            let mirrored = self.grid.phi_deg.iter().position(|p| (p - other).abs() < 1e-9);
-            let sides: Vec<usize> = std::iter::once(phi)
-                .chain(mirrored)
-                .map(|p| self.start(phi_i) + self.grid.index(ti, to, p))
-                .filter(|&at| self.flag[at] != Flag::Invalid)
-                .collect();
-            let n = sides.len() as f32;
-            if sides.is_empty() {
-                continue;
-            }
-            m.flag[i] = sides.iter().map(|&at| self.flag[at]).max().unwrap_or(Flag::Invalid);
-            for c in 0..3 {
-                m.values[i][c] = sides.iter().map(|&at| self.values[at][c]).sum::<f32>() / n;
-                let variance = sides.iter().map(|&at| self.sigma[at][c].powi(2)).sum::<f32>();
-                m.sigma[i][c] = variance.sqrt() / n;
-            }
-        }
-        Some(m)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -200,7 +168,7 @@ mod tests {
     }
 
     /// The model on nodes.
-    pub(crate) fn table() -> Anisotropic {
+    fn table() -> Anisotropic {
         let grid = Grid {
             theta_i_deg: (0..16).map(|k| 5.0 * f64::from(k)).collect(),
             theta_o_deg: (0..16).map(|k| 5.0 * f64::from(k)).collect(),
@@ -249,20 +217,6 @@ mod tests {
             worst = worst.max((have[1] / want[1] - 1.0).abs());
         }
         assert!(worst < 0.05, "{worst}");
-    }
-
-    #[test]
-    fn an_azimuth_is_a_table_of_its_own() {
-        let t = table();
-        let one = t.at_azimuth(2).expect("there");
-        assert_eq!(one.grid.phi_deg.len(), 19);
-        let [ti, to, p] = [4, 9, 5];
-        let (a, b) = (t.grid.index(ti, to, 5), t.grid.index(ti, to, 31));
-        let start = 2 * t.grid.len();
-        let mean = 0.5 * (t.values[start + a][0] + t.values[start + b][0]);
-        assert!((one.values[one.grid.index(ti, to, p)][0] - mean).abs() < 1e-6);
-        assert!(t.values[start + a] != t.values[start + b], "a turned brush is not symmetric");
-        assert!(t.at_azimuth(24).is_none());
     }
 
     #[test]

@@ -175,11 +175,7 @@ impl Row {
             }
             let shot = w.add(w.mul(by_rate, w.positive(rate)), w.mul(by_current, w.positive(current)));
             let rate = w.where_above_zero(den, rate, w.splat(f32::INFINITY));
-            *place(&mut self.rate, x) = w.store(rate);
-            *place(&mut self.shot, x) = w.store(shot);
-            *place(&mut self.read, x) = w.store(read);
-            *place(&mut self.dark, x) = w.store(dark);
-            *place(&mut self.exposure, x) = w.store(exposure);
+            self.put(w, x, [rate, shot, read, dark, exposure]);
         }
     }
 

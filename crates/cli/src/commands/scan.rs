@@ -46,6 +46,11 @@ pub struct Scanned {
 }
 
 impl Scanned {
+    /// A scan of which nothing was reduced.
+    const fn without_table(recorded: Recorded) -> Self {
+        Self { recorded, fit: None, files: None, coat: None, closure: Vec::new(), lost: Vec::new() }
+    }
+
     /// The outcome of the command.
     ///
     /// # Errors
@@ -227,14 +232,7 @@ pub fn scan(a: &ScanArguments, cancel: &Cancel) -> Result<Scanned, Failure> {
                 model,
                 &files,
             ),
-            _ => Ok(Scanned {
-                recorded,
-                fit: None,
-                files: None,
-                coat: None,
-                closure: Vec::new(),
-                lost: Vec::new(),
-            }),
+            _ => Ok(Scanned::without_table(recorded)),
         };
     }
     let mut rig =
@@ -263,14 +261,7 @@ pub fn scan(a: &ScanArguments, cancel: &Cancel) -> Result<Scanned, Failure> {
                 asking,
             )?;
             if reducer.statistics().is_empty() {
-                return Ok(Scanned {
-                    recorded,
-                    fit: None,
-                    files: None,
-                    coat: None,
-                    closure: Vec::new(),
-                    lost: Vec::new(),
-                });
+                return Ok(Scanned::without_table(recorded));
             }
             conclude(&job, recorded, reducer, lost, calibrated, &options, model, &files)
         }
@@ -279,14 +270,7 @@ pub fn scan(a: &ScanArguments, cancel: &Cancel) -> Result<Scanned, Failure> {
         }
         _ => {
             let recorded = scanning::record(&job, &mut rig, &map, cancel, control.as_ref(), &mut |_| {})?;
-            Ok(Scanned {
-                recorded,
-                fit: None,
-                files: None,
-                coat: None,
-                closure: Vec::new(),
-                lost: Vec::new(),
-            })
+            Ok(Scanned::without_table(recorded))
         }
     }
 }
@@ -333,14 +317,7 @@ fn with_fit(
         recorded
     })?;
     if reducer.statistics().is_empty() {
-        return Ok(Scanned {
-            recorded,
-            fit: None,
-            files: None,
-            coat: None,
-            closure: Vec::new(),
-            lost: Vec::new(),
-        });
+        return Ok(Scanned::without_table(recorded));
     }
     conclude(job, recorded, reducer, lost, calibrated, options, model, files)
 }

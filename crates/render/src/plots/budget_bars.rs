@@ -31,7 +31,8 @@ impl BudgetBars {
         let mut canvas = Canvas::new(640.0, top + PITCH * rows as f64 + 78.0);
         title(&mut canvas, &self.title);
         let most = if self.total > 0.0 && self.total.is_finite() { self.total } else { 1.0 };
-        let scale = Scale::log(most * 1e-3, most * 1.05);
+        // room beside the longest bar for its value
+        let scale = Scale::log(most * 1e-3, most * 4.0);
         let area = Area::new(110.0, top, 450.0, PITCH * rows as f64);
         for tick in scale.ticks(6) {
             let x = area.x + scale.fraction(tick.value) * area.w;

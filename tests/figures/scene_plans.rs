@@ -3,7 +3,7 @@
 use std::ffi::OsString;
 use std::path::Path;
 
-use gonio_acquisition::{coat::flake_fill, fill};
+use gonio_acquisition::fill;
 use gonio_brdf::formats::{self, Loaded};
 use gonio_brdf::{Brdf, Coat, Flag, Measured, ModelFile};
 use gonio_instrument::{Description, Plan, builtin};
@@ -52,10 +52,7 @@ const SEED: u64 = 1;
 
 fn fill_as_a_scan(m: &mut Measured) {
     let index: Option<f64> = m.attributes.get("coat_index").and_then(|s| s.parse().ok());
-    match index {
-        Some(index) if flake_fill::fill(m, &Coat { index }, 75.0).is_ok() => {}
-        _ => fill::fill(m, 75.0),
-    }
+    fill::fill(m, index.map(|index| Coat { index }).as_ref(), 75.0);
 }
 
 /// The reference optics and its plan before the small camera: a scan takes a second.

@@ -2,7 +2,6 @@
 
 use rayon::prelude::*;
 
-use crate::footprint::lit_share_at;
 use crate::merge::Merged;
 use crate::pixel_map::{PixelMap, PoseView};
 use crate::reference::WhiteReference;
@@ -81,9 +80,7 @@ pub(crate) struct Binning {
 /// half of what the pixel looks at. `mean_cos_i` is the mean of cos θ' over the lamp.
 #[must_use]
 pub(crate) fn per_rate(map: &PixelMap, view: &PoseView, white: &WhiteReference, mean_cos_i: f64) -> Vec<f32> {
-    let spot = map.description().lamp.spot_radius_mm;
     let cos_i = view.theta_i.cos();
-    // footprints matter only at grazing view: 0.26 is the cosine of 75°
     (0..white.scale.len())
         .into_par_iter()
         .with_min_len(4096)
@@ -92,13 +89,7 @@ pub(crate) fn per_rate(map: &PixelMap, view: &PoseView, white: &WhiteReference, 
             if k.is_nan() || k <= 0.0 || !view.visible[p] {
                 return 0.0;
             }
-            let v = view.sample_from_lab.apply(map.direction(p));
-            let place = map.place_mm(p, &view.sample_from_lab);
-            let lit = if v.z < 0.26 || place[0].hypot(place[1]) > 0.3 * spot {
-                lit_share_at(place, map.footprint_mm(p), spot, cos_i, v)
-            } else {
-                1.0
-            };
+            let lit = map.lit_share(p, &view.sample_from_lab, cos_i);
             if lit < 0.5 {
                 return 0.0;
             }

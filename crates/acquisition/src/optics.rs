@@ -101,6 +101,12 @@ impl Optics {
         self.pupil
     }
 
+    /// Unit vectors along the pupil's two half axes (right and down in the picture), lab frame.
+    #[must_use]
+    pub const fn pupil_axes(&self) -> [Vec3; 2] {
+        [self.axes[0], self.axes[1]]
+    }
+
     /// Unit tilt axis, lab frame.
     #[must_use]
     pub const fn tilt_axis(&self) -> Vec3 {
@@ -111,6 +117,17 @@ impl Optics {
     #[must_use]
     pub fn normal(&self, tilt_read_back: Angle) -> Vec3 {
         Rotation::about_axis(self.tilt_axis, tilt_read_back + self.tilt_zero).apply(self.spin_axis_at_zero)
+    }
+
+    /// Sample frame (rotation from the lab: x towards the lamp, z the normal) and angle of incidence at the tilt read back.
+    #[must_use]
+    pub fn frame(&self, tilt_read_back: Angle) -> (Rotation, Angle) {
+        let (n, l) = (self.normal(tilt_read_back), self.lamp);
+        let across = l - n * l.dot(n);
+        // at normal incidence the plane of incidence is the one that tilting would give
+        let x = if across.norm() > 1e-4 { across } else { -self.tilt_axis.cross(n) };
+        let x = (x - n * x.dot(n)).normalized();
+        (Rotation::from_axes(x, n.cross(x), n), l.angle_to(n))
     }
 
     /// The tilt to be read back at which the angle of incidence is `theta_i`; where the axes are off so far that it is never reached, the

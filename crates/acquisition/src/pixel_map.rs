@@ -6,6 +6,7 @@ use gonio_instrument::{Channel, Description, Pose};
 use gonio_optics::{Angle, Rotation, Vec3};
 use rayon::prelude::*;
 
+use crate::footprint::Footprint;
 use crate::holder::Holder;
 use crate::optics::Optics;
 
@@ -20,7 +21,12 @@ pub struct PixelMap {
     mirror: Vec<Vec3>,
     /// Whether the pixel looks at the mirror, clear of rim and openings.
     clear: Vec<bool>,
+    /// Standard uncertainty of where it is looked at, across the line of sight, mm.
+    aim_mm: f64,
 }
+
+/// Share of the lit share itself up to which it may be uncertain: a pixel at the edge of the spot that is off by more would stand out of its noise.
+const UNSURE: f64 = 0.004;
 
 /// A pose seen by the sensor.
 #[derive(Clone, Debug)]
@@ -69,7 +75,8 @@ impl PixelMap {
                 (m, inside && !in_lamp && !in_shaft)
             })
             .unzip();
-        Self { description: description.clone(), optics, corners, mirror, clear }
+        let aim_mm = description.calibration_record.as_ref().and_then(|r| r.aim_mm).unwrap_or(0.0);
+        Self { description: description.clone(), optics, corners, mirror, clear, aim_mm }
     }
 
     /// The description it was traced from.
@@ -135,35 +142,34 @@ impl PixelMap {
         0.5 * (d - a).cross(c - b).norm()
     }
 
-    /// Radius of the patch of sample that a pixel sees at normal view, mm: the pupil's image, magnified by |F1 M| / |M F2|.
+    /// What a pixel looks at on the sample; `None` below the horizon.
     #[must_use]
-    pub fn footprint_mm(&self, pixel: usize) -> f64 {
-        let m = self.mirror[pixel];
-        0.5 * self.description.camera.pupil_diameter_mm * m.norm()
-            / (m - self.optics.pupil_mm()).norm().max(1e-9)
+    pub fn footprint(&self, pixel: usize, sample_from_lab: &Rotation) -> Option<Footprint> {
+        let pupil = 0.5 * self.description.camera.pupil_diameter_mm;
+        Footprint::new(&self.optics, pupil, self.mirror[pixel], self.direction(pixel), sample_from_lab)
     }
 
-    /// Where on the sample a pixel looks, mm in the sample frame's x and y from F1: nowhere else than F1 on an aligned instrument, beside it
-    /// (and further the more grazing the view) where mirror or camera stand off their places.
+    /// Share of what a pixel looks at that the lamp's spot covers, 0…1; 0 as well where it is not known to a few thousandths, for what a
+    /// calibration leaves open of where mirror and camera look ([`gonio_instrument::calibration::CalibrationRecord::aim_mm`]).
     #[must_use]
-    pub fn place_mm(&self, pixel: usize, sample_from_lab: &Rotation) -> [f64; 2] {
-        let m = sample_from_lab.apply(self.mirror[pixel]);
-        let d = sample_from_lab.apply(self.direction(pixel));
-        if d.z <= 1e-9 {
-            return [0.0; 2];
+    pub fn lit_share(&self, pixel: usize, sample_from_lab: &Rotation, cos_i: f64) -> f64 {
+        let spot = self.description.lamp.spot_radius_mm;
+        let Some(seen) = self.footprint(pixel, sample_from_lab) else { return 0.0 };
+        if seen.reach_mm() + self.aim_mm / seen.view.z < spot {
+            return 1.0;
         }
-        [m.x - d.x * m.z / d.z, m.y - d.y * m.z / d.z]
+        let here = seen.lit_share(spot, cos_i);
+        let sure = self.aim_mm == 0.0
+            || [-self.aim_mm, self.aim_mm]
+                .iter()
+                .all(|by| (seen.moved([*by, 0.0]).lit_share(spot, cos_i) - here).abs() <= UNSURE * here);
+        if sure { here } else { 0.0 }
     }
 
     /// Sample frame and angle of incidence at a pose read back.
     #[must_use]
     pub fn frame(&self, pose: Pose) -> (Rotation, Angle) {
-        let (n, l) = (self.optics.normal(pose.tilt), self.optics.lamp());
-        let across = l - n * l.dot(n);
-        // at normal incidence the plane of incidence is the one that tilting would give
-        let x = if across.norm() > 1e-4 { across } else { -self.optics.tilt_axis().cross(n) };
-        let x = (x - n * x.dot(n)).normalized();
-        (Rotation::from_axes(x, n.cross(x), n), l.angle_to(n))
+        self.optics.frame(pose.tilt)
     }
 
     /// What decides at a pose read back which pixels see the sample.

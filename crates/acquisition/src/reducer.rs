@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use gonio_brdf::maps::FitError;
 use gonio_brdf::models::Coat;
 use gonio_brdf::{Anisotropic, Flag, Meaning, Measured};
 use gonio_instrument::{PoseRecord, SampleRecord};
@@ -15,7 +16,7 @@ use crate::closure::{self, Repeated};
 use crate::coat::{self, CoatFit, Gloss, Verdict};
 use crate::dark::{DarkFrames, DarkModel};
 use crate::error::AcquisitionError;
-use crate::fill::fill;
+use crate::fill::{Filling, fill, fill_by};
 use crate::lamp;
 use crate::merge::{check_frames, merge};
 use crate::options::{ClearCoat, Options};
@@ -317,7 +318,7 @@ impl Reducer {
     /// What is measured so far: holes are invalid, nothing is filled. Cheap enough for every capture.
     #[must_use]
     pub fn snapshot(&self) -> Measured {
-        let mut m = self.table(false).0;
+        let mut m = self.table(&|_, _| ()).0;
         self.correct_colours(&mut m);
         // parts are for the finished table: a watcher of the scan has no use for megabytes a pose
         m.sigma_parts.clear();
@@ -328,10 +329,39 @@ impl Reducer {
     /// The table with holes filled and its attributes. More poses may follow.
     #[must_use]
     pub fn finish(&self) -> Measured {
-        let (mut m, budget, measured) = self.table(self.options.fill);
+        let done = std::cell::Cell::new(None);
+        let made = self.table(&|m, coat| {
+            if self.options.fill {
+                done.set(Some(fill(m, coat, self.options.limit_deg)));
+            }
+        });
+        self.completed(made, done.get())
+    }
+
+    /// The same with holes and grazing angles filled by a way of one's own choice.
+    ///
+    /// # Errors
+    /// [`FitError`] where flake space is asked for and the measured cells do not make a map.
+    pub fn finish_by(&self, how: Filling) -> Result<Measured, FitError> {
+        let failed = std::cell::Cell::new(None);
+        let made = self.table(&|m, coat| failed.set(fill_by(m, coat, self.options.limit_deg, how).err()));
+        match failed.into_inner() {
+            Some(e) => Err(e),
+            None => Ok(self.completed(made, Some(how))),
+        }
+    }
+
+    fn completed(
+        &self,
+        (mut m, budget, measured): (Measured, Budget, usize),
+        how: Option<Filling>,
+    ) -> Measured {
         crate::budget::complete(&mut m);
         self.correct_colours(&mut m);
         m.attributes = self.attributes(&budget, measured);
+        if let Some(how) = how {
+            m.attributes.insert("filled_by".to_owned(), how.to_string());
+        }
         m
     }
 
@@ -345,11 +375,11 @@ impl Reducer {
     /// Where the uncertainty of the measured cells comes from.
     #[must_use]
     pub fn budget(&self) -> Budget {
-        self.table(false).1
+        self.table(&|_, _| ()).1
     }
 
     /// The table, its budget, and the number of measured cells.
-    fn table(&self, filling: bool) -> (Measured, Budget, usize) {
+    fn table(&self, filling: &dyn Fn(&mut Measured, Option<&Coat>)) -> (Measured, Budget, usize) {
         let common = Common {
             certificate: self.white.certificate_uncertainty,
             lamp: lamp::scatter(&self.statistics.iter().map(|s| s.lamp_monitor).collect::<Vec<_>>()),
@@ -362,9 +392,7 @@ impl Reducer {
         let Verdict::Coat(fit) = self.coat() else {
             let (mut m, budget) = assemble(&self.options.grid, &self.rows, &common, limit);
             let count = measured(&m);
-            if filling {
-                fill(&mut m, limit);
-            }
+            filling(&mut m, None);
             self.take_off_returned(&mut m, None);
             return (m, budget, count);
         };
@@ -372,9 +400,7 @@ impl Reducer {
         coat::separate::flag_hidden(&mut m, &self.hidden);
         let count = measured(&m);
         let index = Coat { index: fit.index };
-        if filling && coat::flake_fill::fill(&mut m, &index, limit).is_err() {
-            fill(&mut m, limit);
-        }
+        filling(&mut m, Some(&index));
         self.take_off_returned(&mut m, Some(fit.index));
         let [two_way, single_pass] = coat::separate::bases(&m, &index);
         m.base = Some(two_way);

@@ -14,7 +14,6 @@ use rayon::prelude::*;
 
 use crate::dark::{DarkFrames, DarkModel};
 use crate::error::AcquisitionError;
-use crate::footprint::lit_share_at;
 use crate::merge::merge;
 use crate::options::Options;
 use crate::pixel_map::PixelMap;
@@ -249,7 +248,7 @@ impl WhiteBuilder {
         let d = self.map.description();
         let light = Vec3::from_polar(view.theta_i, gonio_optics::Angle::ZERO);
         let lights = quadrature::cone(light, d.lamp.half_angle(), 1);
-        let (map, brdf, spot) = (&self.map, &self.brdf, d.lamp.spot_radius_mm);
+        let (map, brdf) = (&self.map, &self.brdf);
         let returned = self
             .returned
             .as_ref()
@@ -262,8 +261,7 @@ impl WhiteBuilder {
             if let Some((s, r)) = &returned {
                 mean += s[channel] * face::at_view(r, v.z)[channel];
             }
-            let place = map.place_mm(p, &view.sample_from_lab);
-            let lit = lit_share_at(place, map.footprint_mm(p), spot, light.z, v);
+            let lit = map.lit_share(p, &view.sample_from_lab, light.z);
             (lit >= LEAST_LIT).then_some(mean * lit)
         };
         let mut law = Vec::new();

@@ -1,6 +1,6 @@
 //! What is made up where nothing was measured: flagged, never negative, without a jump, less sure the farther from data.
 
-use gonio_acquisition::fill::fill;
+use gonio_acquisition::fill::{Filling, fill, fill_by};
 use gonio_brdf::models::AshikhminShirleySimplified;
 use gonio_brdf::{Flag, Grid, Meaning, Measured, average};
 use gonio_optics::Angle;
@@ -33,7 +33,7 @@ fn everything_is_filled_flagged_and_not_negative() {
     let lamp = |c: [usize; 3]| c[2] < 3 && (2 * c[0]).abs_diff(c[1]) <= 1;
     let mut m = table(lamp);
     let before = m.clone();
-    fill(&mut m, 75.0);
+    fill(&mut m, None, 75.0);
     for i in 0..m.grid.len() {
         let c = m.grid.coordinates(i);
         let (ti, to) = (m.grid.theta_i_deg[c[0]], m.grid.theta_o_deg[c[1]]);
@@ -54,7 +54,7 @@ fn everything_is_filled_flagged_and_not_negative() {
 fn a_hole_known_by_reciprocity_takes_that_value() {
     // θi = 30° (row 6), θo = 50° (column 20): its swapped cell is θi = 50° (10), θo = 30° (12)
     let mut m = table(|c| c == [6, 20, 8]);
-    fill(&mut m, 75.0);
+    fill(&mut m, None, 75.0);
     let (hole, swapped) = (m.grid.index(6, 20, 8), m.grid.index(10, 12, 8));
     assert_eq!(m.flag[hole], Flag::Filled);
     assert_eq!(m.values[hole], m.values[swapped]);
@@ -65,7 +65,7 @@ fn a_hole_known_by_reciprocity_takes_that_value() {
 fn a_hole_without_a_swapped_value_is_spanned_smoothly() {
     // the retro-reflecting cells around the lamp are their own swapped ones
     let mut m = table(|c| c[2] < 3 && (2 * c[0]).abs_diff(c[1]) <= 1);
-    fill(&mut m, 75.0);
+    fill(&mut m, None, 75.0);
     for ti in [4, 8, 12] {
         let i = m.grid.index(ti, 2 * ti, 0);
         let t = truth(&m, i);
@@ -79,7 +79,7 @@ fn a_hole_without_a_swapped_value_is_spanned_smoothly() {
 #[test]
 fn beyond_the_limit_there_is_no_jump_and_the_uncertainty_grows() {
     let mut m = table(|_| false);
-    fill(&mut m, 75.0);
+    fill(&mut m, None, 75.0);
     // away from the lobe, where neighbours in θo differ little: a jump would show
     for phi in [0, 10, 20] {
         // rows at which reciprocity does not reach beyond the limit
@@ -100,6 +100,53 @@ fn beyond_the_limit_there_is_no_jump_and_the_uncertainty_grows() {
 #[test]
 fn a_table_without_measurements_stays_empty() {
     let mut m = table(|_| true);
-    fill(&mut m, 75.0);
+    fill(&mut m, None, 75.0);
     assert!(m.flag.iter().all(|f| *f == Flag::Invalid));
+}
+
+#[test]
+fn reciprocity_stands_in_only_where_the_measured_cells_keep_it() {
+    // the light's own row and the view's, nothing between 30° and 40° of the one is known
+    let hole = |c: [usize; 3]| (12..=15).contains(&c[1]) && c[0] > 8;
+    let mut m = table(hole);
+    assert_eq!(fill(&mut m, None, 75.0), Filling::BARE);
+    let worst = |m: &Measured, factor: &dyn Fn([usize; 3]) -> f64| {
+        (0..m.grid.len())
+            .filter(|&i| m.flag[i] == Flag::Filled && m.grid.coordinates(i)[0] < 16)
+            .map(|i| {
+                let wanted = truth(m, i)[1] * factor(m.grid.coordinates(i));
+                (f64::from(m.values[i][1]) / wanted - 1.0).abs()
+            })
+            .fold(0.0, f64::max)
+    };
+    let kept = worst(&m, &|_| 1.0);
+    // light from below 40° shows a fifth more than it does the other way round
+    let skew = |c: [usize; 3]| if c[0] <= 8 { 1.2 } else { 1.0 };
+    let mut skewed = table(hole);
+    for i in 0..skewed.grid.len() {
+        let f = skew(skewed.grid.coordinates(i)) as f32;
+        skewed.values[i] = skewed.values[i].map(|v| v * f);
+    }
+    let mut forced = skewed.clone();
+    assert_eq!(fill(&mut skewed, None, 75.0), Filling::BARE.without_reciprocity());
+    fill_by(&mut forced, None, 75.0, Filling::BARE).unwrap();
+    let (guarded, forced) = (worst(&skewed, &skew), worst(&forced, &skew));
+    assert!(kept < 0.1 && guarded < 0.1 && forced > 0.15, "{kept} {guarded} {forced}");
+}
+
+#[test]
+fn a_hole_in_a_slope_goes_on_as_the_slope_does() {
+    // log f linear in θo across a hole that a membrane would fill with a step at its middle
+    let mut m = table(|c| (10..=14).contains(&c[1]) && c[2] < 9);
+    let wanted = |c: [usize; 3]| (0.3 - 0.04 * c[1] as f64).exp();
+    for i in 0..m.grid.len() {
+        if m.flag[i] == Flag::Measured {
+            m.values[i] = [wanted(m.grid.coordinates(i)) as f32; 3];
+        }
+    }
+    fill_by(&mut m, None, 75.0, Filling::PLAIN).unwrap();
+    for i in (0..m.grid.len()).filter(|&i| m.flag[i] == Flag::Filled) {
+        let (have, want) = (f64::from(m.values[i][0]), wanted(m.grid.coordinates(i)));
+        assert!((have / want - 1.0).abs() < 0.02, "{:?}: {have} {want}", m.grid.coordinates(i));
+    }
 }

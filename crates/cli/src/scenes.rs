@@ -3,7 +3,7 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use gonio_acquisition::{coat::flake_fill, fill};
+use gonio_acquisition::fill;
 use gonio_brdf::formats::Loaded;
 use gonio_brdf::{Brdf, Coat, Flag, Measured};
 use gonio_optics::Geometry;
@@ -64,10 +64,8 @@ pub fn to_csv(geometries: &[(Geometry, f64)]) -> String {
 pub fn fill_as_a_scan(m: &mut Measured) {
     let limit = 75.0;
     let index: Option<f64> = m.attributes.get("coat_index").and_then(|s| s.parse().ok());
-    match index.filter(|n| *n > 1.0) {
-        Some(index) if flake_fill::fill(m, &Coat { index }, limit).is_ok() => {}
-        _ => fill::fill(m, limit),
-    }
+    let coat = index.filter(|n| *n > 1.0).map(|index| Coat { index });
+    fill::fill(m, coat.as_ref(), limit);
 }
 
 /// The measured cells alone, without the gloss of a coat that was separated: what was filled is not known.

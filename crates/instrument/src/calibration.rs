@@ -42,6 +42,9 @@ pub struct CalibrationRecord {
     pub theta_o_deg: f64,
     /// Of the angle between light and view, root mean square over the pixels, degrees.
     pub light_view_deg: f64,
+    /// Standard uncertainty of where mirror and camera look on the sample, across the line of sight, mm; none in records that do not tell it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub aim_mm: Option<f64>,
     /// Combinations of parameters that matter and stayed undetermined.
     pub undetermined: Vec<String>,
     /// Rows of the covariance's lower triangle, in the units of `parameters`.

@@ -6,10 +6,9 @@
 //!
 //! Nothing is assumed of the sample: [`gloss`] fits the base around the mirror direction and takes what stands above it there as gloss, [`index`]
 //! holds the poses' gloss against Fresnel's curve and decides whether there is a coat, [`separate`] divides it out cell by cell and
-//! [`flake_fill`] fills what was not measured in flake space, where 75°…90° outside is a strip of 1.7° beside what is known.
+//! [`crate::fill`] then fills what was not measured in flake space, where 75°…90° outside is a strip of 1.7° beside what is known.
 //! No inter-reflection inside the coat is modelled, so π f_base may exceed 1.
 
-pub mod flake_fill;
 pub mod gloss;
 pub mod index;
 mod local_base;

@@ -6,7 +6,7 @@
 use gonio_brdf::{Flag, Measured};
 
 /// Length over which the slope of log f is forgotten, degrees.
-const FORGET_DEG: f64 = 10.0;
+pub(super) const FORGET_DEG: f64 = 10.0;
 /// Largest slope of log f that is carried on, per degree.
 const STEEPEST: f64 = 0.15;
 /// Relative σ gained per degree beyond the data.
@@ -46,7 +46,7 @@ pub(super) fn between_rows(m: &mut Measured, limit_deg: f64) {
 }
 
 /// Polar viewing angles past the limit, along θo at fixed θi and φ.
-pub(super) fn beyond_limit(m: &mut Measured, limit_deg: f64) {
+pub(super) fn beyond_limit(m: &mut Measured, limit_deg: f64, settle: bool) {
     let grid = m.grid.clone();
     let [ni, no, np] = grid.shape();
     let within = (0..no).take_while(|&o| grid.theta_o_deg[o] <= limit_deg + 1e-9).count();
@@ -68,14 +68,14 @@ pub(super) fn beyond_limit(m: &mut Measured, limit_deg: f64) {
                     .take(3)
                     .collect();
                 let edge = grid.theta_o_deg[within - 1];
-                carry_on(m, at, grid.theta_o_deg[to], &line, edge);
+                carry_on(m, at, grid.theta_o_deg[to], &line, edge, settle);
             }
         }
     }
 }
 
 /// Rows of θi outside those known (θi = 90° among them), along θi at fixed θo and φ.
-pub(super) fn outer_rows(m: &mut Measured) {
+pub(super) fn outer_rows(m: &mut Measured, settle: bool) {
     let grid = m.grid.clone();
     let [ni, no, np] = grid.shape();
     for k in 0..no * np {
@@ -90,7 +90,7 @@ pub(super) fn outer_rows(m: &mut Measured) {
                 .take_while(|(_, k)| m.flag[*k] != Flag::Invalid)
                 .take(3)
                 .collect();
-            carry_on(m, grid.index(ti, to, phi), grid.theta_i_deg[ti], &line, grid.theta_i_deg[last]);
+            carry_on(m, grid.index(ti, to, phi), grid.theta_i_deg[ti], &line, grid.theta_i_deg[last], settle);
         }
         for ti in (0..first).rev() {
             let line: Vec<(f64, usize)> = (ti + 1..ni)
@@ -98,13 +98,21 @@ pub(super) fn outer_rows(m: &mut Measured) {
                 .take_while(|(_, k)| m.flag[*k] != Flag::Invalid)
                 .take(3)
                 .collect();
-            carry_on(m, grid.index(ti, to, phi), -grid.theta_i_deg[ti], &line, -grid.theta_i_deg[first]);
+            carry_on(
+                m,
+                grid.index(ti, to, phi),
+                -grid.theta_i_deg[ti],
+                &line,
+                -grid.theta_i_deg[first],
+                settle,
+            );
         }
     }
 }
 
-/// Continues from `line` (nearest first, coordinate in degrees) to `x`; `edge` is where the data end.
-fn carry_on(m: &mut Measured, at: usize, x: f64, line: &[(f64, usize)], edge: f64) {
+/// Continues from `line` (nearest first, coordinate in degrees) to `x`; `edge` is where the data end. What is to settle is a ratio to something
+/// better known: it returns to 1.
+fn carry_on(m: &mut Measured, at: usize, x: f64, line: &[(f64, usize)], edge: f64, settle: bool) {
     let Some(&(x0, nearest)) = line.first() else { return };
     for c in 0..3 {
         let f0 = f64::from(m.values[nearest][c]).max(0.0);
@@ -116,8 +124,8 @@ fn carry_on(m: &mut Measured, at: usize, x: f64, line: &[(f64, usize)], edge: f6
                 if f0 > 0.0 && fb > 0.0 { (f0 / fb).ln() / (x0 - xb) } else { 0.0 }
             })
             .clamp(-STEEPEST, STEEPEST);
-        let step = x - x0;
-        let grown = slope * FORGET_DEG * (1.0 - (-step / FORGET_DEG).exp());
+        let left = (-(x - x0) / FORGET_DEG).exp();
+        let grown = if settle { f0.max(1e-9).ln() * (left - 1.0) } else { slope * FORGET_DEG * (1.0 - left) };
         let value = f0 * grown.exp();
         let beyond = (x - edge).max(0.0);
         let own = value * (PER_DEGREE * beyond + 0.5 * grown.abs());

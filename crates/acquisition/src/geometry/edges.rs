@@ -4,13 +4,13 @@
 //! spots, which is within a pixel or two of the truth: a step at a constant distance from the curve, covering each pixel by its exact share, is fitted.
 //!
 //! The horizon of the sample (θo = 90°) is no such edge: what is lit is a spot of a few millimetres, and where mirror or camera stand off by more than a
-//! footprint's radius (0.4 mm) it leaves the footprint degrees before the horizon. A line through the fading light met it with errors of 1 to 4 pixels
-//! on the misaligned instrument, so it is not used.
+//! footprint's radius (0.4 mm) it leaves the footprint degrees before the horizon. How the light fades there is another observation ([`super::horizon`]).
 
 use gonio_instrument::{Description, Pose};
 use gonio_optics::Vec3;
 use nalgebra::{Matrix4, Vector4};
 
+use super::horizon;
 use crate::merge::MergedPose;
 use crate::optics::Optics;
 use crate::pixel_map::PixelMap;
@@ -24,6 +24,15 @@ pub enum Thing {
     LampOpening,
     /// The opening for the shaft.
     ShaftOpening,
+    /// The fading of the light towards the sample's horizon.
+    Horizon {
+        /// At which pose.
+        pose: Pose,
+        /// How far off F1 the half-lit pixel looks, in the measure of the lamp's spot, mm on the sample.
+        beside_mm: f64,
+        /// How much earlier the light fades by more of it.
+        px_per_mm: f64,
+    },
 }
 
 /// What is sought, and at how many points.
@@ -57,6 +66,12 @@ impl Edge {
             Thing::Rim => "rim",
             Thing::LampOpening => "lamp opening",
             Thing::ShaftOpening => "shaft opening",
+            Thing::Horizon { pose, .. } => {
+                return format!(
+                    "horizon of the white sample ({pose}), pixel ({:.0}, {:.0})",
+                    self.at_px[0], self.at_px[1]
+                );
+            }
         };
         format!("{what}, pixel ({:.0}, {:.0})", self.at_px[0], self.at_px[1])
     }
@@ -64,6 +79,9 @@ impl Edge {
     /// How far the point seen lies beyond the predicted curve, pixels along its normal; `None` where the ray misses.
     #[must_use]
     pub fn distance_px(&self, optics: &Optics, description: &Description) -> Option<f64> {
+        if let Thing::Horizon { pose, beside_mm, px_per_mm } = self.thing {
+            return horizon::distance_px(optics, description, pose, self.at_px, beside_mm, px_per_mm);
+        }
         let g = |u: f64, v: f64| level(self.thing, optics, description, u, v);
         let (value, slope) = with_slope(&g, self.at_px)?;
         let size = slope[0].hypot(slope[1]);
@@ -84,6 +102,7 @@ fn level(thing: Thing, optics: &Optics, d: &Description, u: f64, v: f64) -> Opti
         Thing::ShaftOpening => {
             beside(Vec3::from(d.holder.shaft.direction).normalized(), d.holder.shaft.opening_radius_mm)
         }
+        Thing::Horizon { .. } => return None,
     })
 }
 
@@ -106,6 +125,8 @@ fn curve(thing: Thing, optics: &Optics, d: &Description, points: usize) -> Vec<[
                 optics.project(optics.mirror_point(direction))
             })
             .collect(),
+        // not a curve of the optics alone
+        Thing::Horizon { .. } => Vec::new(),
         Thing::LampOpening | Thing::ShaftOpening => {
             let axis = if thing == Thing::LampOpening {
                 optics.lamp()
@@ -174,25 +195,7 @@ pub fn find(map: &PixelMap, merged: &MergedPose, pose: Pose, gains: [f64; 3]) ->
     out
 }
 
-/// Pixels that [`find`] may read.
-#[must_use]
-pub fn wanted(map: &PixelMap) -> Vec<bool> {
-    let mut out = vec![false; map.width() * map.height()];
-    for (thing, points) in SOUGHT {
-        for at in curve(thing, map.optics(), map.description(), points) {
-            for dy in -9..=9 {
-                for dx in -9..=9 {
-                    if let Some(p) = pixel_at(map, at[0] + f64::from(dx), at[1] + f64::from(dy)) {
-                        out[p] = true;
-                    }
-                }
-            }
-        }
-    }
-    out
-}
-
-fn pixel_at(map: &PixelMap, x: f64, y: f64) -> Option<usize> {
+pub(super) fn pixel_at(map: &PixelMap, x: f64, y: f64) -> Option<usize> {
     let within = x >= 0.0 && y >= 0.0 && x < map.width() as f64 && y < map.height() as f64;
     within.then(|| y as usize * map.width() + x as usize)
 }

@@ -10,6 +10,7 @@
 
 pub mod edges;
 pub mod ellipse;
+pub mod horizon;
 pub mod parameters;
 pub mod plans;
 pub mod predict;

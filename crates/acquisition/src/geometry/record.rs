@@ -49,6 +49,7 @@ pub fn calibrated(
         theta_i_deg: verdict.after.rms_deg[0],
         theta_o_deg: verdict.after.rms_deg[1],
         light_view_deg: verdict.after.rms_deg[2],
+        aim_mm: Some(verdict.aim_mm),
         undetermined: verdict.undetermined.iter().map(|u| u.words.clone()).collect(),
         parameters,
         covariance,

@@ -42,6 +42,9 @@ pub struct Verdict {
     pub before: DirectionUncertainty,
     /// After.
     pub after: DirectionUncertainty,
+    /// What the places on the sample that pixels look at are uncertain by, across the line of sight, mm (root mean square near the limit in θo):
+    /// how surely it is known where the lamp's spot ends. Only the fading towards a white sample's horizon tells it.
+    pub aim_mm: f64,
     /// What stayed undetermined and matters.
     pub undetermined: Vec<Undetermined>,
     /// Undetermined combinations that move no direction.
@@ -65,6 +68,7 @@ pub fn judge(description: &Description, solution: &Solution, settings: &Settings
     let score = score_slopes(description, &solution.row);
     let before = uncertainty(&score, &DMatrix::identity(COUNT, COUNT));
     let after = uncertainty(&score, &solution.covariance);
+    let aim_mm = aim_uncertainty(description, solution);
     let eigen = solution.information.clone().symmetric_eigen();
     let mut undetermined = Vec::new();
     let mut gauges = 0;
@@ -88,7 +92,7 @@ pub fn judge(description: &Description, solution: &Solution, settings: &Settings
     }
     undetermined.sort_by(|a, b| b.effect_deg.total_cmp(&a.effect_deg));
     let good = after.rms_deg.iter().all(|v| *v <= GOOD_DEG) && solution.converged;
-    Verdict { before, after, undetermined, gauges, good }
+    Verdict { before, after, aim_mm, undetermined, gauges, good }
 }
 
 /// Derivatives of (θi, θo, angle between l and v), degrees per tolerance, over pixels and tilts.
@@ -119,6 +123,33 @@ fn score_slopes(description: &Description, row: &Row) -> Vec<[[f64; COUNT]; 3]> 
         }
     }
     out
+}
+
+/// Standard uncertainty of the offset along the azimuth of view, root mean square over pixels that look at the sample between 60° and 77°, mm.
+fn aim_uncertainty(description: &Description, solution: &Solution) -> f64 {
+    let [w, h] = description.camera.size.map(f64::from);
+    let optics = Optics::with(description, &Estimate::from_row(&solution.row).instrument);
+    let rim = description.mirror.rim_eta_deg.to_radians().cos();
+    let (mut sum, mut n) = (0.0, 0.0);
+    for tilt in TILTS_DEG {
+        let pose = Pose::from_degrees(tilt, 0.0);
+        for k in 0..20 * 16 {
+            let at = [w * (f64::from(k % 20) + 0.5) / 20.0, h * (f64::from(k / 20) + 0.5) / 16.0];
+            let Some(view) = optics.view(at[0], at[1]) else { continue };
+            let cos_o = view.direction.dot(optics.normal(pose.tilt));
+            if view.cos_eta < rim || !(0.225..0.5).contains(&cos_o) {
+                continue;
+            }
+            let f =
+                |o: &Optics, _: &super::Glass| Some([super::horizon::offset_mm(o, description, pose, at)?]);
+            if let Some([s]) = derivatives(description, &solution.row, &f) {
+                let s = DVector::from_column_slice(&s);
+                sum += (s.transpose() * &solution.covariance * &s)[(0, 0)].max(0.0);
+                n += 1.0;
+            }
+        }
+    }
+    (sum / f64::max(n, 1.0)).sqrt()
 }
 
 fn uncertainty(score: &[[[f64; COUNT]; 3]], covariance: &DMatrix<f64>) -> DirectionUncertainty {

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use gonio_acquisition::geometry::{
-    self, NoSpot, PARAMETERS, Problem, Settings, Solution, Spot, SpotFinder, Verdict, edges,
+    self, NoSpot, PARAMETERS, Problem, Settings, Solution, Spot, SpotFinder, Verdict, edges, horizon,
 };
 use gonio_acquisition::{Options, PixelMap, geometry::spots, merge_white};
 use gonio_instrument::{Description, ScanKind};
@@ -142,6 +142,14 @@ pub fn calibrate(a: &GeometryArguments) -> Result<Calibrated, Failure> {
     problem.edges = find_edges(&sessions, &map, &mut lost)?;
     problem.description.calibration = found.calibration;
     solution = geometry::solve(&problem, &settings).map_err(failed)?;
+    if problem.edges.iter().any(|e| matches!(e.thing, edges::Thing::Horizon { .. })) {
+        // the fading is read along azimuths on the sample: better where it is known what pixels look at
+        let found =
+            Description { calibration: Some(solution.estimate.instrument.clone()), ..description.clone() };
+        problem.edges = find_edges(&sessions, &Arc::new(PixelMap::new(&found)), &mut Vec::new())?;
+        problem.description.calibration = found.calibration;
+        solution = geometry::solve(&problem, &settings).map_err(failed)?;
+    }
     let verdict = geometry::verdict::judge(&description, &solution, &settings);
     let names = a.sessions.iter().map(|p| file_name(p)).collect();
     let description = geometry::record::calibrated(&description, &solution, &verdict, &settings, names);
@@ -195,7 +203,7 @@ fn find_edges(
 ) -> Result<Vec<edges::Edge>, Failure> {
     let mut out = Vec::new();
     for (path, _, session) in sessions.iter().filter(|s| s.1 == ScanKind::White) {
-        let wanted = edges::wanted(map);
+        let everything = vec![true; map.width() * map.height()];
         let mut merger = merge_white::Merger::new(map.clone(), &Options::default());
         for pose in session.poses() {
             let record = match pose {
@@ -205,8 +213,11 @@ fn find_edges(
                     continue;
                 }
             };
-            match merger.add(&record, &wanted) {
-                Ok(Some((merged, gains))) => out.extend(edges::find(map, &merged, record.readback, gains)),
+            match merger.add(&record, &everything) {
+                Ok(Some((merged, gains))) => {
+                    out.extend(edges::find(map, &merged, record.readback, gains));
+                    out.extend(horizon::find(map, &merged, record.readback, gains));
+                }
                 Ok(None) => {}
                 Err(e) => return Err(Failure::usage(format!("{}: {e}", path.display()))),
             }

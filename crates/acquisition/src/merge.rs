@@ -116,7 +116,7 @@ pub fn merge(
             if let Some(blocks) = blocks_of(wanted) {
                 wide::run(OneRow { row, shots: &shots, y, blocks });
                 for (x, out) in
-                    out.iter_mut().enumerate().filter(|(x, _)| wanted[*x] && !shots.hot[y * w + x])
+                    out.iter_mut().enumerate().filter(|(x, _)| wanted[*x] && !dark.is_hot(y * w + x))
                 {
                     *out = row.pixel(x);
                 }
@@ -124,8 +124,8 @@ pub fn merge(
         },
     );
     let lit = wanted.iter().filter(|v| **v).count().max(1);
-    let lost = (0..pixels.len()).filter(|&p| wanted[p] && !shots.hot[p] && !pixels[p].is_valid()).count();
-    let hot = (0..pixels.len()).filter(|&p| wanted[p] && shots.hot[p]);
+    let lost = (0..pixels.len()).filter(|&p| wanted[p] && !dark.is_hot(p) && !pixels[p].is_valid()).count();
+    let hot = (0..pixels.len()).filter(|&p| wanted[p] && dark.is_hot(p));
     let mended: Vec<(usize, Merged)> = hot
         .filter_map(|p| Some((p, mend::from_neighbours(p, w, map.height(), &mut |q| pixels[q])?)))
         .collect();

@@ -169,7 +169,7 @@ impl Sweep {
         for &p in hot {
             let p = p as usize;
             let mut at = |q: usize| {
-                if !self.visible[q] || shots.hot[q] {
+                if !self.visible[q] || shots.dark.is_hot(q) {
                     return Merged::INVALID;
                 }
                 let (x, y) = (q % self.width, q / self.width);

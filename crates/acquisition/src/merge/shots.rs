@@ -11,9 +11,6 @@ use crate::sensor::Sensor;
 /// Share of the level of saturation below which a pixel is clear of it whatever its neighbours say.
 const CLEAR: f32 = 0.8;
 
-/// Pixels of the dark model that its usual level is taken from: every so many.
-const SAMPLED: usize = 61;
-
 /// One exposure with the shutter open.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shot<'a> {
@@ -75,7 +72,7 @@ pub(crate) struct Shots<'a> {
     /// Dark signal at the mean exposure and current of every pixel.
     pub(crate) dark_mean: &'a [f32],
     pub(crate) dark_current: &'a [f32],
-    pub(crate) hot: &'a [bool],
+    pub(crate) dark: &'a DarkModel,
     /// Variances of the dark signal's two parts.
     pub(crate) dark_mean_e2: f32,
     pub(crate) dark_current_e2: f32,
@@ -127,12 +124,7 @@ impl<'a> Shots<'a> {
                 }
             })
             .collect();
-        let (dark_mean, dark_current, hot) = dark.lanes();
-        let usual = [dark_mean, dark_current].map(|all| {
-            let mut some: Vec<f32> = all.iter().step_by(SAMPLED).copied().collect();
-            some.sort_unstable_by(f32::total_cmp);
-            some.get(some.len() / 2).copied().unwrap_or(0.0)
-        });
+        let (dark_mean, dark_current) = dark.lanes();
         Ok(Self {
             list,
             width,
@@ -140,14 +132,14 @@ impl<'a> Shots<'a> {
             ramp: Ramp::of(sensor),
             dark_mean,
             dark_current,
-            hot,
+            dark,
             dark_mean_e2: dark.mean_variance as f32,
             dark_current_e2: dark.current_variance as f32,
             read_e2: sensor.read_variance_e2 as f32,
             clipped: sensor.clipped,
             saturated: sensor.saturated,
             surely_below: ((CLEAR * sensor.saturated).ceil() as u16).min(sensor.clipped),
-            usual,
+            usual: dark.usual(),
             lamp_relative: monitor_spread(&lit),
         })
     }

@@ -163,14 +163,12 @@ fn set_aside(
 ) {
     let w = sweep.width;
     let (from, to) = (blocks.0 * BLOCK, (blocks.1 * BLOCK).min(w));
-    let hot = &shots.hot[y * w + from..y * w + to];
-    if hot.iter().fold(false, |any, h| any | h) {
-        for x in (from..to).filter(|x| hot[x - from]) {
-            if sweep.visible[y * w + x] {
-                out.hot.push((y * w + x) as u32);
-            }
-            (row.rate[x], row.shot[x], row.read[x], row.dark[x]) = (0.0, 0.0, 0.0, 0.0);
+    for &p in shots.dark.hot_between(y * w + from, y * w + to) {
+        let x = p as usize - y * w;
+        if sweep.visible[p as usize] {
+            out.hot.push(p);
         }
+        (row.rate[x], row.shot[x], row.read[x], row.dark[x]) = (0.0, 0.0, 0.0, 0.0);
     }
     for b in (blocks.0..blocks.1).filter(|b| row.lost[*b]) {
         // what fills the last lanes up included

@@ -12,7 +12,7 @@
 use super::shots::Shot;
 
 /// Share of the information on a rate that may be left out.
-pub(crate) const SPARED: f64 = 1e-3;
+pub(crate) const SPARED: f64 = 4e-3;
 
 /// Bits of a rate's number below its step: eight steps to an octave.
 const STEP_BITS: u32 = 20;

@@ -198,7 +198,7 @@ fn bench() {
     let sweep = Sweep::new(&map, &view, &weights, &white, light.z);
     let built = start.elapsed();
     println!(
-        "weights of the tilt: {weighed:.0?}, runs of them: {built:.0?}, on one thread, once for all spins"
+        "weights of the tilt: {weighed:.1?}, runs of them: {built:.1?}, on one thread, once for all spins"
     );
     println!(
         "{} hot pixels; {:.1} % of the sensor see the sample, {:.1} % are merged; {} (pixel, cell) pairs, {} in lanes",

@@ -180,3 +180,6 @@ impl Row {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

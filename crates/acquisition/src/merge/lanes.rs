@@ -84,10 +84,20 @@ impl Row {
             if odd != even {
                 means[1] = shots.block_means(wide, y, x, shots.list[odd].raw, level)[1];
             }
-            let plans = [
-                shots.plans.find(shots.list[even].expected(means[0]), clear[0]),
-                shots.plans.find(shots.list[odd].expected(means[1]), clear[1]),
-            ];
+            let rates = [shots.list[even].expected(means[0]), shots.list[odd].expected(means[1])];
+            let plans = [0, 1].map(|k| shots.plans.find(rates[k], clear[k]));
+            if let [(j, mixed)] = self.mixed[..]
+                && (0..PARITIES).all(|k| mixed[k] == 0.0 || clear[k] == j)
+                && x + BLOCK <= shots.width
+            {
+                // the usual case: with the one mixed exposure a pixel follows one plan, without it another
+                let with = [0, 1].map(|k| match mixed[k] > 0.0 {
+                    true => shots.plans.find(rates[k], j + 1),
+                    false => plans[k],
+                });
+                self.either(wide, shots, y, x, j, [with, plans], level);
+                continue;
+            }
             match (self.mixed.is_empty(), x + BLOCK <= shots.width) {
                 (true, true) => self.clear::<W, true>(wide, shots, y, x, plans, level),
                 (true, false) => self.clear::<W, false>(wide, shots, y, x, plans, level),
@@ -170,6 +180,65 @@ impl Row {
             let rate = w.where_above_zero(den, rate, w.splat(f32::INFINITY));
             self.put(w, start + k * WIDE, [rate, shot, read, dark, exposure]);
         }
+    }
+
+    /// The block from pixel `start` on, in which exposure `j` alone is mixed: each pixel follows the first of the plans where that exposure serves it, else
+    /// the second.
+    #[inline(always)]
+    fn either<W: Wide>(
+        &mut self,
+        wide: W,
+        shots: &Shots<'_>,
+        y: usize,
+        start: usize,
+        j: usize,
+        plans: [[usize; PARITIES]; 2],
+        level: &impl Fn(&[u16; WIDE]) -> W::F,
+    ) {
+        let (w, p) = (wide, y * shots.width + start);
+        let lines = plans.map(|plans| plans.map(|plan| shots.plans.lines(plan)));
+        let raw = shots.list[j].raw;
+        let mut serves = [w.splat(0.0); GROUPS];
+        for (k, serves) in serves.iter_mut().enumerate() {
+            *serves = shots.usable(w, raw, start + k * WIDE, y);
+        }
+        let both = |of: fn(&Lines) -> f32| lines.map(|lines| w.pattern(lines.map(of)));
+        let pick = |serves: W::F, [with, without]: [W::F; 2]| w.where_above_zero(serves, with, without);
+        let (offset, sum, sum_t) = (both(|l| l.offset), both(|l| l.sum), both(|l| l.sum_t));
+        let means = take::<_, BLOCK>(shots.dark_mean, p).as_chunks::<WIDE>().0;
+        let currents = take::<_, BLOCK>(shots.dark_current, p).as_chunks::<WIDE>().0;
+        let mut rates = [w.splat(0.0); GROUPS];
+        for (((rate, mean), current), serves) in rates.iter_mut().zip(means).zip(currents).zip(serves) {
+            let of_mean = w.mul(pick(serves, sum), w.load(mean));
+            let dark = w.add(of_mean, w.mul(pick(serves, sum_t), w.load(current)));
+            *rate = w.sub(pick(serves, offset), dark);
+        }
+        let all = || lines.iter().flatten();
+        let from = all().map(|l| l.from).min().unwrap_or(0) as usize;
+        let end = all().map(|l| l.end).max().unwrap_or(0) as usize;
+        let levels = plans.map(|plans| plans.map(|plan| &shots.plans.levels(plan)[..end]));
+        for (i, shot) in shots.list[..end].iter().enumerate().skip(from) {
+            let weights = levels.map(|levels| w.pattern(levels.map(|levels| levels[i])));
+            let raw = take::<_, BLOCK>(shot.raw, p).as_chunks::<WIDE>().0;
+            for ((rate, raw), serves) in rates.iter_mut().zip(raw).zip(serves) {
+                *rate = w.add(*rate, w.mul(pick(serves, weights), level(raw)));
+            }
+        }
+        let (den, exposure) = (both(|l| l.den), both(|l| l.exposure));
+        let (by_rate, by_current) = (both(|l| l.by_rate), both(|l| l.by_current));
+        let (read, dark) = (both(|l| l.read), both(|l| l.dark));
+        let mut lost = false;
+        for (k, ((rate, current), serves)) in rates.into_iter().zip(currents).zip(serves).enumerate() {
+            let current = w.positive(w.load(current));
+            let of_rate = w.mul(pick(serves, by_rate), w.positive(rate));
+            let shot = w.add(of_rate, w.mul(pick(serves, by_current), current));
+            let den = pick(serves, den);
+            lost |= !w.all_above_zero(den);
+            let rate = w.where_above_zero(den, rate, w.splat(f32::INFINITY));
+            let others = [read, dark, exposure].map(|of| pick(serves, of));
+            self.put(w, start + k * WIDE, [rate, shot, others[0], others[1], others[2]]);
+        }
+        self.lost[start / BLOCK] = lost;
     }
 
     #[inline(always)]

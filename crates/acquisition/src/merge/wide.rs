@@ -255,8 +255,8 @@ impl Wide for Avx2 {
 
     #[inline(always)]
     fn all_above_zero(self, v: Self::F) -> bool {
-        let mask: [u32; 8] = pulp::cast(self.0.cmp_gt_f32x8(v, self.0.splat_f32x8(0.0)));
-        mask.iter().all(|m| *m != 0)
+        let mask = self.0.cmp_gt_f32x8(v, self.0.splat_f32x8(0.0));
+        self.0.avx2._mm256_movemask_epi8(pulp::cast(mask)) == -1
     }
 }
 

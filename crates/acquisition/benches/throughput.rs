@@ -2,7 +2,8 @@
 //! (`memcpy`) and against a straightforward merge into two pictures that are gridded afterwards (`two passes`).
 //!
 //! The camera is a mosaic, so the three values of a place come as three poses of one tilt: the same bytes, and more places to weigh.
-//! `cargo bench -p gonio-acquisition --bench throughput`; the three are run in turns, the last lines give minima, medians and ratios.
+//! `cargo bench -p gonio-acquisition --bench throughput`; the three are run in turns, the last lines give minima, medians and ratios, by the wall's
+//! clock and by the thread's own processor time, in which waiting for other programs does not count.
 #![allow(clippy::print_stdout)] // the table is what this program is for
 
 use std::hint::black_box;
@@ -16,6 +17,7 @@ use gonio_brdf::models::AshikhminShirleySimplified;
 use gonio_brdf::{Brdf as _, Grid};
 use gonio_instrument::{Exposure, Frame, Pose, PoseRecord, builtin};
 use gonio_optics::{Angle, Vec3};
+use rustix::time::{ClockId, clock_gettime};
 
 const TURNS: usize = 25;
 const TILT_DEG: f64 = 30.0;
@@ -196,12 +198,13 @@ fn bench() {
     let sweep = Sweep::new(&map, &view, &weights, &white, light.z);
     let built = start.elapsed();
     println!(
-        "weights of the tilt: {weighed:.0?}, runs of them: {built:.0?}, on one thread, once for all spins"
+        "weights of the tilt: {weighed:.1?}, runs of them: {built:.1?}, on one thread, once for all spins"
     );
     println!(
-        "{} hot pixels; {:.0} % of the sensor see the sample; {} (pixel, cell) pairs, {} in lanes",
+        "{} hot pixels; {:.1} % of the sensor see the sample, {:.1} % are merged; {} (pixel, cell) pairs, {} in lanes",
         dark.hot_pixels(),
         100.0 * sweep.visible_share(),
+        100.0 * sweep.merged_share(),
         weights.len(),
         sweep.len()
     );
@@ -214,36 +217,51 @@ fn bench() {
     };
     let mut copies: Vec<Vec<u16>> =
         (0..POSES as usize * EXPOSURES_S.len()).map(|k| vec![k as u16; n]).collect();
-    let mut times: [Vec<f64>; 3] = Default::default();
+    let mut times: [Vec<[f64; 2]>; 3] = Default::default();
     for _ in 0..TURNS {
-        let start = Instant::now();
-        let frames = records.iter().flat_map(|r| &r.exposures);
-        for (e, to) in frames.zip(&mut copies) {
-            to.copy_from_slice(&e.frame.pixels);
-        }
-        black_box(&copies);
-        times[0].push(start.elapsed().as_secs_f64());
-        let start = Instant::now();
-        for r in &records {
-            black_box(plain.run(r, &sensor, &view.visible, &weights));
-        }
-        times[1].push(start.elapsed().as_secs_f64());
-        let start = Instant::now();
-        for r in &records {
-            black_box(sweep.pose(r, &map, &sensor, &dark).expect("frames of this camera"));
-        }
-        times[2].push(start.elapsed().as_secs_f64());
+        times[0].push(timed(|| {
+            let frames = records.iter().flat_map(|r| &r.exposures);
+            for (e, to) in frames.zip(&mut copies) {
+                to.copy_from_slice(&e.frame.pixels);
+            }
+            black_box(&copies);
+        }));
+        times[1].push(timed(|| {
+            for r in &records {
+                black_box(plain.run(r, &sensor, &view.visible, &weights));
+            }
+        }));
+        times[2].push(timed(|| {
+            for r in &records {
+                black_box(sweep.pose(r, &map, &sensor, &dark).expect("frames of this camera"));
+            }
+        }));
     }
-    for t in &mut times {
-        t.sort_unstable_by(f64::total_cmp);
+    for (clock, by) in ["wall", "processor"].iter().enumerate() {
+        let sorted = times.each_ref().map(|t| {
+            let mut t: Vec<f64> = t.iter().map(|t| t[clock]).collect();
+            t.sort_unstable_by(f64::total_cmp);
+            t
+        });
+        for (name, t) in ["memcpy", "two passes", "one pass"].iter().zip(&sorted) {
+            println!(
+                "{by:<9} {name:<11} min {:6.1} ms, median {:6.1} ms, {:4.2} of memcpy (minima), {:4.2} (medians)",
+                1e3 * t[0],
+                1e3 * t[TURNS / 2],
+                t[0] / sorted[0][0],
+                t[TURNS / 2] / sorted[0][TURNS / 2]
+            );
+        }
     }
-    for (name, t) in ["memcpy", "two passes", "one pass"].iter().zip(&times) {
-        println!(
-            "{name:<11} min {:6.1} ms, median {:6.1} ms, {:4.2} of memcpy (minima), {:4.2} (medians)",
-            1e3 * t[0],
-            1e3 * t[TURNS / 2],
-            t[0] / times[0][0],
-            t[TURNS / 2] / times[0][TURNS / 2]
-        );
-    }
+}
+
+/// Seconds that something takes, by the wall's clock and of this thread's processor time.
+fn timed(mut what: impl FnMut()) -> [f64; 2] {
+    let processor = || {
+        let t = clock_gettime(ClockId::ThreadCPUTime);
+        t.tv_sec as f64 + 1e-9 * t.tv_nsec as f64
+    };
+    let (wall, used) = (Instant::now(), processor());
+    what();
+    [wall.elapsed().as_secs_f64(), processor() - used]
 }

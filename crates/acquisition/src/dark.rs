@@ -35,6 +35,10 @@ pub struct DarkModel {
     /// Electrons per second.
     current_e_s: Vec<f32>,
     hot: Vec<bool>,
+    /// The hot pixels, in rising order.
+    hot_list: Vec<u32>,
+    /// Medians of mean and current.
+    usual: [f32; 2],
     /// Sensor temperature at which the current was found (that of the longest exposure), °C.
     temperature_c: Option<f64>,
     /// Temperature step that doubles the current, K.
@@ -108,6 +112,7 @@ impl DarkFrames {
         }
         let n: f64 = self.groups.iter().map(|g| f64::from(g.frames)).sum();
         if n == 0.0 {
+            out.list_hot();
             return out;
         }
         let read = sensor.read_variance_e2;
@@ -132,11 +137,9 @@ impl DarkFrames {
             out.mean_e[p] = if two { mean as f32 } else { 0.0 };
         }
         let mut sorted = out.current_e_s.clone();
-        sorted.sort_unstable_by(f32::total_cmp);
-        let median = f64::from(sorted.get(pixels / 2).copied().unwrap_or(0.0));
+        let median = f64::from(median_of(&mut sorted));
         let mut spread: Vec<f32> = sorted.iter().map(|c| (f64::from(*c) - median).abs() as f32).collect();
-        spread.sort_unstable_by(f32::total_cmp);
-        let robust = 1.4826 * f64::from(spread.get(pixels / 2).copied().unwrap_or(0.0));
+        let robust = 1.4826 * f64::from(median_of(&mut spread));
         // the noise of the dark electrons themselves, at the current that is usual
         let dark_noise = median.max(0.0) * self.weighted(n, |g| g.exposure.as_secs_f64());
         out.current_variance = (read + dark_noise) / if two { stt } else { t2.max(1e-12) };
@@ -148,6 +151,8 @@ impl DarkFrames {
         for (hot, c) in out.hot.iter_mut().zip(&out.current_e_s) {
             *hot |= f64::from(*c) > bound;
         }
+        out.usual = [median_of(&mut out.mean_e.clone()), median as f32];
+        out.list_hot();
         out
     }
 
@@ -164,6 +169,8 @@ impl DarkModel {
             mean_e: vec![0.0; pixels],
             current_e_s: vec![0.0; pixels],
             hot: vec![false; pixels],
+            hot_list: Vec::new(),
+            usual: [0.0; 2],
             temperature_c: None,
             doubling_k: DOUBLING_K,
             mean_t_s: 0.0,
@@ -178,9 +185,25 @@ impl DarkModel {
         (f64::from(self.mean_e[pixel]), f64::from(self.current_e_s[pixel]))
     }
 
-    /// Mean and current of every pixel, and whether it is hot, as they lie.
-    pub(crate) fn lanes(&self) -> (&[f32], &[f32], &[bool]) {
-        (&self.mean_e, &self.current_e_s, &self.hot)
+    /// Mean and current of every pixel as they lie.
+    pub(crate) fn lanes(&self) -> (&[f32], &[f32]) {
+        (&self.mean_e, &self.current_e_s)
+    }
+
+    /// Medians of mean and current over the sensor.
+    pub(crate) const fn usual(&self) -> [f32; 2] {
+        self.usual
+    }
+
+    /// The hot pixels from `first` on before `end`, in rising order.
+    pub(crate) fn hot_between(&self, first: usize, end: usize) -> &[u32] {
+        let from = self.hot_list.partition_point(|&p| (p as usize) < first);
+        let count = self.hot_list[from..].partition_point(|&p| (p as usize) < end);
+        &self.hot_list[from..from + count]
+    }
+
+    fn list_hot(&mut self) {
+        self.hot_list = (0..self.hot.len()).filter(|&p| self.hot[p]).map(|p| p as u32).collect();
     }
 
     /// Factor on the current at another sensor temperature; 1 where either is not known.
@@ -201,6 +224,15 @@ impl DarkModel {
     /// Number of hot pixels.
     #[must_use]
     pub fn hot_pixels(&self) -> usize {
-        self.hot.iter().filter(|h| **h).count()
+        self.hot_list.len()
     }
+}
+
+/// The middle one, in place; 0 of nothing.
+fn median_of(values: &mut [f32]) -> f32 {
+    if values.is_empty() {
+        return 0.0;
+    }
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f32::total_cmp).1
 }

@@ -8,8 +8,10 @@
 //! Whether a pixel is saturated in a frame is decided from its eight neighbours of the same colour, not from its own
 //! value: dropping the frames in which its own noise was high would pull the rest down.
 
+mod classes;
 pub(crate) mod lanes;
 pub(crate) mod mend;
+mod plan;
 pub(crate) mod shots;
 pub(crate) mod wide;
 
@@ -113,10 +115,11 @@ pub fn merge(
         || Row::of(w),
         |row, (y, out)| {
             let wanted = &wanted[y * w..(y + 1) * w];
-            if let Some(blocks) = blocks_of(wanted) {
-                wide::run(OneRow { row, shots: &shots, y, blocks });
+            let blocks = blocks_of(wanted);
+            if !blocks.is_empty() {
+                wide::run(OneRow { row, shots: &shots, y, blocks: &blocks });
                 for (x, out) in
-                    out.iter_mut().enumerate().filter(|(x, _)| wanted[*x] && !shots.hot[y * w + x])
+                    out.iter_mut().enumerate().filter(|(x, _)| wanted[*x] && !dark.is_hot(y * w + x))
                 {
                     *out = row.pixel(x);
                 }
@@ -124,8 +127,8 @@ pub fn merge(
         },
     );
     let lit = wanted.iter().filter(|v| **v).count().max(1);
-    let lost = (0..pixels.len()).filter(|&p| wanted[p] && !shots.hot[p] && !pixels[p].is_valid()).count();
-    let hot = (0..pixels.len()).filter(|&p| wanted[p] && shots.hot[p]);
+    let lost = (0..pixels.len()).filter(|&p| wanted[p] && !dark.is_hot(p) && !pixels[p].is_valid()).count();
+    let hot = (0..pixels.len()).filter(|&p| wanted[p] && dark.is_hot(p));
     let mended: Vec<(usize, Merged)> = hot
         .filter_map(|p| Some((p, mend::from_neighbours(p, w, map.height(), &mut |q| pixels[q])?)))
         .collect();
@@ -140,19 +143,17 @@ pub fn merge(
     })
 }
 
-/// First and end of the blocks of a row that hold a wanted pixel.
-pub(crate) fn blocks_of(wanted: &[bool]) -> Option<(usize, usize)> {
-    let first = wanted.iter().position(|v| *v)?;
-    let last = wanted.iter().rposition(|v| *v)?;
-    Some((first / BLOCK, last / BLOCK + 1))
+/// The blocks of a row that hold a wanted pixel.
+pub(crate) fn blocks_of(wanted: &[bool]) -> Vec<u32> {
+    (0u32..).zip(wanted.chunks(BLOCK)).filter(|(_, block)| block.contains(&true)).map(|(b, _)| b).collect()
 }
 
 /// A row merged with the widest vectors that the machine has.
-pub(crate) struct OneRow<'a, 'b> {
-    pub(crate) row: &'a mut Row,
-    pub(crate) shots: &'a Shots<'b>,
-    pub(crate) y: usize,
-    pub(crate) blocks: (usize, usize),
+struct OneRow<'a, 'b> {
+    row: &'a mut Row,
+    shots: &'a Shots<'b>,
+    y: usize,
+    blocks: &'a [u32],
 }
 
 impl Task for OneRow<'_, '_> {
@@ -179,3 +180,6 @@ impl Row {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

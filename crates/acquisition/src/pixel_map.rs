@@ -120,6 +120,11 @@ impl PixelMap {
         }
     }
 
+    /// Direction of a corner of pixels, lab frame: the one above and left of the pixel in that column and row. Zero where the ray misses.
+    pub(crate) fn corner(&self, column: usize, row: usize) -> Vec3 {
+        self.corners[row * (self.width() + 1) + column]
+    }
+
     /// Directions of a pixel's corners: top left, top right, bottom left, bottom right.
     #[must_use]
     pub fn corners(&self, pixel: usize) -> [Vec3; 4] {

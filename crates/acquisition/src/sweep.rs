@@ -20,9 +20,9 @@ use crate::cells::{PixelValue, Sum};
 use crate::coat::gloss::Reached;
 use crate::dark::DarkModel;
 use crate::error::AcquisitionError;
-use crate::merge::lanes::{BLOCK, Row};
+use crate::merge::lanes::BLOCK;
 use crate::merge::shots::Shots;
-use crate::merge::{Merged, OneRow, check_frames, mend, wide};
+use crate::merge::{Merged, check_frames, mend, wide};
 use crate::pixel_map::PixelMap;
 use crate::sensor::Sensor;
 
@@ -32,7 +32,7 @@ pub(crate) use window::Window;
 /// Lanes of a run's sums.
 const LANES: usize = 8;
 /// Rows of a band. Fixed: sums are put together band by band, on any number of threads in the same order.
-const BAND: usize = 32;
+const BAND: usize = 64;
 
 /// What the poses of a tilt have in common: runs with their weights.
 #[derive(Clone, Debug)]
@@ -108,6 +108,13 @@ impl Sweep {
         self.lit as f64 / self.visible.len().max(1) as f64
     }
 
+    /// Share of the sensor that is merged: blocks of pixels of which one sees the sample.
+    #[must_use]
+    pub fn merged_share(&self) -> f64 {
+        let blocks: usize = self.bands.iter().flat_map(|b| &b.blocks).map(Vec::len).sum();
+        (blocks * BLOCK) as f64 / self.visible.len().max(1) as f64
+    }
+
     /// Sweeps a pose.
     ///
     /// # Errors
@@ -144,12 +151,13 @@ impl Sweep {
             }
             lost += taken.lost.len();
         }
+        let beside: Vec<(u32, Merged)> = taken.iter().flat_map(|t| t.beside.iter().copied()).collect();
         for (band, taken) in self.bands.iter().zip(&taken) {
             for &p in &taken.lost {
                 self.take_out(band, p as usize, &mut sums, true);
                 window.set(p as usize, PixelValue { f: f32::INFINITY, ..PixelValue::UNKNOWN });
             }
-            self.mend(band, &taken.hot, &shots, &mut sums, &mut window);
+            self.mend(band, &taken.hot, &beside, &mut sums, &mut window);
         }
         Ok(Swept {
             sums,
@@ -160,23 +168,21 @@ impl Sweep {
         })
     }
 
-    /// Hot pixels take the value of their neighbours, which are merged once more for it.
-    fn mend(&self, band: &Band, hot: &[u32], shots: &Shots<'_>, sums: &mut [Sum], window: &mut Window) {
-        if hot.is_empty() {
-            return;
-        }
-        let mut row = Row::of(self.width);
+    /// Hot pixels take the value of their neighbours, of which `beside` knows those that say something.
+    fn mend(
+        &self,
+        band: &Band,
+        hot: &[u32],
+        beside: &[(u32, Merged)],
+        sums: &mut [Sum],
+        window: &mut Window,
+    ) {
+        let mut at = |q: usize| match beside.binary_search_by_key(&q, |e| e.0 as usize) {
+            Ok(k) => beside[k].1,
+            Err(_) => Merged::INVALID,
+        };
         for &p in hot {
             let p = p as usize;
-            let mut at = |q: usize| {
-                if !self.visible[q] || shots.hot[q] {
-                    return Merged::INVALID;
-                }
-                let (x, y) = (q % self.width, q / self.width);
-                let blocks = (x / BLOCK, x / BLOCK + 1);
-                wide::run(OneRow { row: &mut row, shots, y, blocks });
-                row.pixel(x)
-            };
             match mend::from_neighbours(p, self.width, self.height, &mut at) {
                 Some(m) => {
                     band.each(self.width, p, &mut |bin, weight, relative| {

@@ -11,9 +11,15 @@
 //! Layout: one list per (side of the plane of incidence, cell, channel), `((side * cells) + cell) * 3 + channel`,
 //! entries ascending by pixel. Sums over a list therefore run in one order, whatever the number of threads.
 
+mod bins;
+mod parts;
+
 use gonio_brdf::Grid;
 use gonio_optics::Vec3;
 use rayon::prelude::*;
+
+use bins::Bins;
+use parts::{Part, parts};
 
 use crate::local_fit::{self, Neighbour};
 use crate::pixel_map::{PixelMap, PoseView};
@@ -28,78 +34,6 @@ pub struct Weights {
     coverage: Vec<f32>,
     /// Per (side, cell): how far the visible part's centroid lies from the bin's, radians.
     off_centre: Vec<f32>,
-}
-
-/// The part of an element that falls into a bin.
-#[derive(Clone, Copy)]
-struct Part {
-    bin: u32,
-    element: u32,
-    solid_angle: f32,
-    /// Centroid from the element's centre, pixels.
-    dx: f32,
-    dy: f32,
-    /// Half the variance along columns and rows less that of a whole pixel (1/12), pixels².
-    vx: f32,
-    vy: f32,
-}
-
-/// Half the variance of a whole pixel along a side.
-const WHOLE: f32 = 1.0 / 24.0;
-
-/// Bins of one row θi of a grid.
-pub(crate) struct Bins {
-    /// Descending cosines of the bounds of θo.
-    cos_bounds: Vec<f64>,
-    /// Ascending bounds of φ, radians.
-    phi_bounds: Vec<f64>,
-    cells: usize,
-    narrowest_rad: f64,
-}
-
-impl Bins {
-    pub(crate) fn new(grid: &Grid) -> Self {
-        let [_, no, np] = grid.shape();
-        let bounds = |n: usize, f: &dyn Fn(usize) -> (f64, f64)| -> Vec<f64> {
-            (0..n).map(|k| f(k).0).chain(n.checked_sub(1).map(|k| f(k).1)).collect()
-        };
-        let theta = bounds(no, &|k| {
-            let (a, b) = grid.theta_o_bounds(k);
-            (a.radians(), b.radians())
-        });
-        let phi_bounds = bounds(np, &|k| {
-            let (a, b) = grid.phi_bounds(k);
-            (a.radians(), b.radians())
-        });
-        let narrowest_rad = theta.windows(2).map(|w| w[1] - w[0]).fold(f64::INFINITY, f64::min);
-        Self {
-            cos_bounds: theta.iter().map(|t| t.cos()).collect(),
-            phi_bounds,
-            cells: no * np,
-            narrowest_rad,
-        }
-    }
-
-    /// Bin of a direction in the sample frame (any length): side, θo, φ in one number.
-    fn locate(&self, d: Vec3) -> Option<u32> {
-        let z = d.z / d.norm();
-        let (no, np) = (self.cos_bounds.len() - 1, self.phi_bounds.len() - 1);
-        // cosines descend; a bound belongs to the bin outside it, the horizon to the last
-        let below = self.cos_bounds.partition_point(|&c| c >= z);
-        if below == 0 || below > no {
-            return None;
-        }
-        let to = below - 1;
-        let side = usize::from(d.y < 0.0);
-        // θo = 0 is one cap shared by all φ: it is kept in φ bin 0
-        let phi = if to == 0 && self.cos_bounds[0] >= 1.0 - 1e-15 {
-            0
-        } else {
-            let azimuth = d.y.abs().atan2(d.x);
-            self.phi_bounds.partition_point(|&b| b <= azimuth).clamp(1, np) - 1
-        };
-        u32::try_from(side * self.cells + to * np + phi).ok()
-    }
 }
 
 /// Keys' cubic kernel (a = −1/2) at the four neighbours of a point a fraction `t` past the second.
@@ -124,9 +58,6 @@ fn kernel(t: f64, v: f64) -> [f64; 4] {
     }
     k
 }
-
-/// Golden section of 1.
-const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
 impl Weights {
     /// Weights of a pose for the bins of `grid` (one θi row).
@@ -194,89 +125,6 @@ impl Weights {
     #[must_use]
     pub const fn is_empty(&self) -> bool {
         self.pixels.is_empty()
-    }
-}
-
-/// Splits every visible element among the bins it covers, in the order of the pixels.
-fn parts(map: &PixelMap, view: &PoseView, bins: &Bins) -> Vec<Part> {
-    let w = map.width();
-    let rows: Vec<Vec<Part>> = (0..map.height())
-        .into_par_iter()
-        .map(|row| {
-            let mut out = Vec::with_capacity(w);
-            for pixel in row * w..(row + 1) * w {
-                if view.visible[pixel] {
-                    split(map, view, bins, pixel, &mut out);
-                }
-            }
-            out
-        })
-        .collect();
-    rows.concat()
-}
-
-fn split(map: &PixelMap, view: &PoseView, bins: &Bins, pixel: usize, out: &mut Vec<Part>) {
-    let corners = map.corners(pixel);
-    if corners.contains(&Vec3::ZERO) {
-        return;
-    }
-    let c = corners.map(|d| view.sample_from_lab.apply(d));
-    let solid_angle = map.solid_angle(pixel);
-    let element = pixel as u32;
-    let at = c.map(|d| bins.locate(d));
-    if let [Some(a), Some(b), Some(d), Some(e)] = at
-        && a == b
-        && a == d
-        && a == e
-    {
-        out.push(Part {
-            bin: a,
-            element,
-            solid_angle: solid_angle as f32,
-            dx: 0.0,
-            dy: 0.0,
-            vx: 0.0,
-            vy: 0.0,
-        });
-        return;
-    }
-    // finer where the pixel is large against the bin or the azimuths run together
-    let middle = c[0] + c[1] + c[2] + c[3];
-    let sine = middle.x.hypot(middle.y) / middle.norm();
-    let size = solid_angle.sqrt();
-    let phi_width = bins.phi_bounds.get(1).map_or(1.0, |b| b - bins.phi_bounds[0]);
-    let narrow = bins.narrowest_rad.min((phi_width * sine).max(0.05 * bins.narrowest_rad));
-    let side = (4.0 * size / narrow).ceil().clamp(12.0, 32.0);
-    let n = (side * side) as usize;
-    let first = out.len();
-    for i in 0..n {
-        // a golden-ratio lattice: whichever way a bound runs through the pixel, the points on either side tell the areas to about 1/n; rows and
-        // columns of points would tell them to 1/√n only
-        let (x, y) = ((i as f64 + 0.5) / n as f64, (i as f64 * GOLDEN + 0.5).fract());
-        let (left, right) = (c[0] * (1.0 - y) + c[2] * y, c[1] * (1.0 - y) + c[3] * y);
-        let Some(bin) = bins.locate(left * (1.0 - x) + right * x) else { continue };
-        let k = out[first..].iter().position(|p| p.bin == bin).map_or_else(
-            || {
-                out.push(Part { bin, element, solid_angle: 0.0, dx: 0.0, dy: 0.0, vx: 0.0, vy: 0.0 });
-                out.len() - 1
-            },
-            |k| first + k,
-        );
-        // sums over points until the end
-        let (x, y) = ((x - 0.5) as f32, (y - 0.5) as f32);
-        out[k].solid_angle += 1.0;
-        out[k].dx += x;
-        out[k].dy += y;
-        out[k].vx += x * x;
-        out[k].vy += y * y;
-    }
-    for p in &mut out[first..] {
-        let count = p.solid_angle;
-        p.dx /= count;
-        p.dy /= count;
-        p.vx = 0.5 * (p.vx / count - p.dx * p.dx) - WHOLE;
-        p.vy = 0.5 * (p.vy / count - p.dy * p.dy) - WHOLE;
-        p.solid_angle = (f64::from(count) * solid_angle / n as f64) as f32;
     }
 }
 
@@ -454,7 +302,7 @@ fn coverage(grid: &Grid, bins: &Bins, starts: &[usize], parts: &[Part]) -> Vec<f
         .map(|bin| {
             let cell = bin % bins.cells;
             let (to, phi) = (cell / np, cell % np);
-            let whole = if to == 0 && bins.cos_bounds[0] >= 1.0 - 1e-15 {
+            let whole = if to == 0 && bins.has_cap {
                 // the cap, which is kept in φ bin 0
                 if phi == 0 { std::f64::consts::PI * (1.0 - bins.cos_bounds[1]) } else { f64::INFINITY }
             } else {

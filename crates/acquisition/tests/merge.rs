@@ -59,6 +59,79 @@ fn the_merged_rate_has_no_bias_and_the_variance_it_states() {
     }
 }
 
+/// Rates between `from` and `to`, so many to a decade.
+fn ladder(from: f64, to: f64, per_decade: f64) -> impl Iterator<Item = f64> {
+    let n = ((to / from).log10() * per_decade) as i32;
+    (0..=n).map(move |k| from * 10f64.powf(f64::from(k) / per_decade))
+}
+
+#[test]
+fn what_is_left_unread_costs_less_than_half_a_percent_of_the_variance() {
+    let (d, map, sensor) = tiny();
+    let n = d.camera.pixels();
+    let (gain, read) = (d.camera.electrons_per_count(), sensor.read_variance_e2);
+    let top = (f64::from(sensor.saturated) - f64::from(d.camera.black_level)) * gain;
+    let brackets: [&[f64]; 3] = [
+        &[3e-4, 2e-3, 1.5e-2, 0.1, 0.5],
+        &[1e-4, 4.1e-4, 1.7e-3, 6.9e-3, 2.8e-2, 0.116],
+        &[0.01, 0.02, 0.04],
+    ];
+    let mut most = 0.0f64;
+    for times in brackets {
+        for rate in ladder(1.0, 2e6, 12.0) {
+            let mut record = pose(&d, &vec![rate; n], times, 5);
+            let mut best = 0.0;
+            for (k, e) in record.exposures.iter_mut().enumerate() {
+                let x = times[k] * e.lamp_monitor;
+                // without noise: every pixel the same
+                e.frame = frame(&d, &vec![rate; n], times[k], e.lamp_monitor, k as u64, &mut None);
+                if rate * x < top {
+                    best += x * x / (rate * x + read);
+                }
+            }
+            let near = times.iter().enumerate().any(|(k, t)| {
+                let level = rate * t * (1.0 + 0.01 * k as f64) / top;
+                (0.99..1.01).contains(&level)
+            });
+            if near || best == 0.0 {
+                continue;
+            }
+            let merged = merge(&record, &map, &sensor, &DarkModel::none(n), &vec![true; n]).expect("merges");
+            let m = merged.pixels[n / 2 + 80];
+            let excess = f64::from(m.shot + m.read) * best - 1.0;
+            // the shot noise goes by the rate as it was rounded to counts
+            let rounding = 0.6 * gain / (rate * times[times.len() - 1]).max(9.0);
+            assert!(excess > -rounding && excess < 5e-3 + rounding, "{times:?} {rate}: {excess:.2e}");
+            most = most.max(excess);
+        }
+    }
+    // and something is left out
+    assert!(most > 1e-3, "{most}");
+}
+
+#[test]
+fn leaving_exposures_unread_draws_the_rate_to_no_side() {
+    let (d, map, sensor) = tiny();
+    let n = d.camera.pixels();
+    let times = [3e-4, 2e-3, 1.5e-2, 0.1];
+    let (mut squares, mut total, mut count) = (0.0, 0.0, 0.0);
+    for (k, rate) in ladder(10.0, 2e6, 8.0).enumerate() {
+        let record = pose(&d, &vec![rate; n], &times, 100 + k as u64);
+        let merged = merge(&record, &map, &sensor, &DarkModel::none(n), &vec![true; n]).expect("merges");
+        let rates: Vec<f64> = merged.pixels.iter().map(|m| f64::from(m.rate)).collect();
+        let mean = rates.iter().sum::<f64>() / n as f64;
+        let spread = rates.iter().map(|r| (r - mean).powi(2)).sum::<f64>() / (n - 1) as f64;
+        let off = (mean - rate) / (spread / n as f64).sqrt();
+        assert!(off.abs() < 4.5, "{rate}: {off} standard errors");
+        squares += off * off;
+        total += off;
+        count += 1.0;
+    }
+    // as a sample of standard normal deviates would be, within four of its own standard deviations
+    assert!((squares / count - 1.0f64).abs() < 4.0 * (2.0f64 / count).sqrt(), "{squares} of {count}");
+    assert!((total / count).abs() < 4.0 / f64::sqrt(count), "{total} of {count}");
+}
+
 #[test]
 fn a_hot_pixel_is_found_in_the_dark_and_taken_from_its_neighbours() {
     let (d, map, sensor) = tiny();

@@ -2,6 +2,10 @@
 
 use super::Merged;
 
+/// Offsets of the neighbours that are asked, in columns and rows.
+pub(crate) const ASKED: [(isize, isize); 8] =
+    [(0, -4), (0, -2), (-4, 0), (-2, 0), (2, 0), (4, 0), (0, 2), (0, 4)];
+
 /// The value for pixel `p` from those that `at` gives: along the row or the column, whichever runs smoother, by the cubic through four
 /// neighbours, else the mean of two; `None` where there are none.
 pub(crate) fn from_neighbours(

@@ -2,7 +2,8 @@
 
 use gonio_instrument::{Exposure, PoseRecord};
 
-use super::lanes::some;
+use super::lanes::take;
+use super::plan::{Floor, Plans};
 use super::wide::{WIDE, Wide};
 use crate::dark::DarkModel;
 use crate::error::AcquisitionError;
@@ -10,9 +11,6 @@ use crate::sensor::Sensor;
 
 /// Share of the level of saturation below which a pixel is clear of it whatever its neighbours say.
 const CLEAR: f32 = 0.8;
-
-/// Pixels of the dark model that its usual level is taken from: every so many.
-const SAMPLED: usize = 61;
 
 /// One exposure with the shutter open.
 #[derive(Clone, Copy, Debug)]
@@ -24,6 +22,20 @@ pub(crate) struct Shot<'a> {
     pub(crate) dark_s: f32,
     /// The same less the mean exposure of the dark frames.
     pub(crate) since_mean_s: f32,
+    /// Variance of what is there without light (usual dark current, reading) over x: a rate of as much noise.
+    pub(crate) noise_rate: f32,
+    /// The rate that a mean level tells: slope and offset.
+    rate_of_level: [f32; 2],
+}
+
+impl Shot<'_> {
+    /// The rate that a mean level tells, not below 0.
+    #[inline(always)]
+    pub(crate) fn expected(&self, level: f32) -> f32 {
+        let [slope, offset] = self.rate_of_level;
+        let rate = slope * level + offset;
+        if rate > 0.0 { rate } else { 0.0 }
+    }
 }
 
 /// From raw values to electrons.
@@ -69,13 +81,14 @@ impl Ramp {
 #[derive(Clone, Debug)]
 pub(crate) struct Shots<'a> {
     pub(crate) list: Vec<Shot<'a>>,
+    pub(crate) plans: Plans,
     pub(crate) width: usize,
     pub(crate) height: usize,
     pub(crate) ramp: Ramp,
     /// Dark signal at the mean exposure and current of every pixel.
     pub(crate) dark_mean: &'a [f32],
     pub(crate) dark_current: &'a [f32],
-    pub(crate) hot: &'a [bool],
+    pub(crate) dark: &'a DarkModel,
     /// Variances of the dark signal's two parts.
     pub(crate) dark_mean_e2: f32,
     pub(crate) dark_current_e2: f32,
@@ -85,10 +98,10 @@ pub(crate) struct Shots<'a> {
     pub(crate) clipped: u16,
     /// Raw value from which on a neighbourhood's mean counts as saturated.
     pub(crate) saturated: f32,
+    /// The same for a single raw value.
+    pub(crate) saturated_from: u16,
     /// Raw value below which no neighbour need be asked.
     pub(crate) surely_below: u16,
-    /// Dark signal and current that are usual.
-    usual: [f32; 2],
     /// Relative standard uncertainty of the lamp's mean over the pose.
     pub(crate) lamp_relative: f64,
 }
@@ -114,40 +127,49 @@ impl<'a> Shots<'a> {
         let Some(height) = lit.first().map(|e| e.frame.pixels.len() / width.max(1)) else {
             return Err(AcquisitionError::NoLight { pose: record.index });
         };
-        let list = lit
+        let (ramp, usual) = (Ramp::of(sensor), dark.usual());
+        let (slope, offset) = ramp.line();
+        let list: Vec<Shot<'_>> = lit
             .iter()
             .map(|e| {
                 let t = e.frame.exposure.as_secs_f64();
                 let dark_s = t * dark.at_temperature(e.frame.sensor_temperature_c);
+                let x = t * e.lamp_monitor;
+                let dark_e = f64::from(usual[0]) + f64::from(usual[1]) * (dark_s - dark.mean_t_s);
+                let noise = f64::from(usual[1].max(0.0)) * dark_s + sensor.read_variance_e2;
                 Shot {
                     raw: &e.frame.pixels,
-                    x: (t * e.lamp_monitor) as f32,
+                    x: x as f32,
                     dark_s: dark_s as f32,
                     since_mean_s: (dark_s - dark.mean_t_s) as f32,
+                    noise_rate: (noise / x) as f32,
+                    rate_of_level: [f64::from(slope) / x, (f64::from(offset) - dark_e) / x].map(|v| v as f32),
                 }
             })
             .collect();
-        let (dark_mean, dark_current, hot) = dark.lanes();
-        let usual = [dark_mean, dark_current].map(|all| {
-            let mut some: Vec<f32> = all.iter().step_by(SAMPLED).copied().collect();
-            some.sort_unstable_by(f32::total_cmp);
-            some.get(some.len() / 2).copied().unwrap_or(0.0)
-        });
+        let (dark_mean, dark_current) = dark.lanes();
+        let floor = Floor {
+            read_e2: sensor.read_variance_e2,
+            dark_mean_e2: dark.mean_variance,
+            dark_current_e2: dark.current_variance,
+            ramp: [f64::from(slope), f64::from(offset)],
+        };
         Ok(Self {
+            plans: Plans::of(&list, &floor),
             list,
             width,
             height,
-            ramp: Ramp::of(sensor),
+            ramp,
             dark_mean,
             dark_current,
-            hot,
+            dark,
             dark_mean_e2: dark.mean_variance as f32,
             dark_current_e2: dark.current_variance as f32,
             read_e2: sensor.read_variance_e2 as f32,
             clipped: sensor.clipped,
             saturated: sensor.saturated,
+            saturated_from: sensor.saturated.ceil() as u16,
             surely_below: ((CLEAR * sensor.saturated).ceil() as u16).min(sensor.clipped),
-            usual,
             lamp_relative: monitor_spread(&lit),
         })
     }
@@ -155,20 +177,6 @@ impl<'a> Shots<'a> {
     /// Number of exposures.
     pub(crate) const fn len(&self) -> usize {
         self.list.len()
-    }
-
-    /// Weight of an exposure where a rate is expected: its exposure over its expected variance.
-    #[inline(always)]
-    pub(crate) fn weight(&self, shot: &Shot<'_>, expected: f32) -> f32 {
-        shot.x / (expected * shot.x + self.usual[1].max(0.0) * shot.dark_s + self.read_e2)
-    }
-
-    /// The rate that a mean level in an exposure tells.
-    #[inline(always)]
-    pub(crate) fn expected(&self, shot: &Shot<'_>, level: f32) -> f32 {
-        let (slope, offset) = self.ramp.line();
-        let dark = self.usual[0] + self.usual[1] * shot.since_mean_s;
-        ((slope * level + offset - dark) / shot.x).max(0.0)
     }
 
     /// Whether each of eight pixels from (x, y) serves in an exposure: 1 or 0. A single one is judged by its eight neighbours of the same colour,
@@ -186,12 +194,15 @@ impl<'a> Shots<'a> {
             };
             return wide.load(&std::array::from_fn(|k| f32::from(k >= n || serves(k))));
         }
-        let at = |p: usize| wide.counts(&some::<_, true>(raw, p, WIDE));
-        let mut sum = wide.add(at(p - 2), at(p + 2));
-        for row in [p - 2 * w, p + 2 * w] {
-            sum = wide.add(sum, wide.add(at(row - 2), wide.add(at(row), at(row + 2))));
+        let row = |p: usize| {
+            let all: &[u16; WIDE + 4] = take(raw, p - 2);
+            [0, 2, 4].map(|k| wide.counts(take(all, k)))
+        };
+        let [left, own, right] = row(p);
+        let mut sum = wide.add(left, right);
+        for [left, middle, right] in [row(p - 2 * w), row(p + 2 * w)] {
+            sum = wide.add(sum, wide.add(left, wide.add(middle, right)));
         }
-        let own = at(p);
         let clear = wide.add(
             wide.below(own, wide.splat(f32::from(self.surely_below))),
             wide.below(sum, wide.splat(8.0 * self.saturated)),

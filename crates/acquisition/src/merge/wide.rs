@@ -27,9 +27,18 @@ pub(crate) trait Wide: Copy {
     /// 1 where a < b, else 0.
     fn below(self, a: Self::F, b: Self::F) -> Self::F;
     fn load_counts(self, from: &[u16; 2 * WIDE]) -> Self::U;
-    fn store_counts(self, v: Self::U) -> [u16; 2 * WIDE];
     fn least(self, a: Self::U, b: Self::U) -> Self::U;
     fn most(self, a: Self::U, b: Self::U) -> Self::U;
+    /// Whether all lie below a bound above 0.
+    fn all_below(self, v: Self::U, bound: u16) -> bool;
+    /// Whether all reach a bound.
+    fn all_from(self, v: Self::U, bound: u16) -> bool;
+    /// Lowest of the even lanes and of the odd ones.
+    fn least_by_parity(self, v: Self::U) -> [u16; 2];
+    /// Highest of the even lanes and of the odd ones.
+    fn most_by_parity(self, v: Self::U) -> [u16; 2];
+    /// Whether all are above 0.
+    fn all_above_zero(self, v: Self::F) -> bool;
 
     #[inline(always)]
     fn splat(self, v: f32) -> Self::F {
@@ -107,11 +116,6 @@ impl Wide for Plain {
     }
 
     #[inline(always)]
-    fn store_counts(self, v: Self::U) -> [u16; 2 * WIDE] {
-        v
-    }
-
-    #[inline(always)]
     fn least(self, a: Self::U, b: Self::U) -> Self::U {
         std::array::from_fn(|k| a[k].min(b[k]))
     }
@@ -119,6 +123,31 @@ impl Wide for Plain {
     #[inline(always)]
     fn most(self, a: Self::U, b: Self::U) -> Self::U {
         std::array::from_fn(|k| a[k].max(b[k]))
+    }
+
+    #[inline(always)]
+    fn all_below(self, v: Self::U, bound: u16) -> bool {
+        v.iter().all(|v| *v < bound)
+    }
+
+    #[inline(always)]
+    fn all_from(self, v: Self::U, bound: u16) -> bool {
+        v.iter().all(|v| *v >= bound)
+    }
+
+    #[inline(always)]
+    fn least_by_parity(self, v: Self::U) -> [u16; 2] {
+        [0, 1].map(|k| v.iter().skip(k).step_by(2).fold(u16::MAX, |a, v| a.min(*v)))
+    }
+
+    #[inline(always)]
+    fn most_by_parity(self, v: Self::U) -> [u16; 2] {
+        [0, 1].map(|k| v.iter().skip(k).step_by(2).fold(0, |a, v| a.max(*v)))
+    }
+
+    #[inline(always)]
+    fn all_above_zero(self, v: Self::F) -> bool {
+        v.iter().all(|v| *v > 0.0)
     }
 }
 
@@ -189,11 +218,6 @@ impl Wide for Avx2 {
     }
 
     #[inline(always)]
-    fn store_counts(self, v: Self::U) -> [u16; 2 * WIDE] {
-        pulp::cast(v)
-    }
-
-    #[inline(always)]
     fn least(self, a: Self::U, b: Self::U) -> Self::U {
         self.0.min_u16x16(a, b)
     }
@@ -201,6 +225,46 @@ impl Wide for Avx2 {
     #[inline(always)]
     fn most(self, a: Self::U, b: Self::U) -> Self::U {
         self.0.max_u16x16(a, b)
+    }
+
+    #[inline(always)]
+    fn all_below(self, v: Self::U, bound: u16) -> bool {
+        bound > 0 && self.all(self.0.cmp_le_u16x16(v, self.0.splat_u16x16(bound - 1)))
+    }
+
+    #[inline(always)]
+    fn all_from(self, v: Self::U, bound: u16) -> bool {
+        self.all(self.0.cmp_ge_u16x16(v, self.0.splat_u16x16(bound)))
+    }
+
+    #[inline(always)]
+    fn least_by_parity(self, v: Self::U) -> [u16; 2] {
+        let [a, b]: [pulp::u16x8; 2] = pulp::cast(v);
+        let pairs: [[u16; 2]; 4] = pulp::cast(self.0.min_u16x8(a, b));
+        let of = |k: usize| pairs[0][k].min(pairs[1][k]).min(pairs[2][k].min(pairs[3][k]));
+        [of(0), of(1)]
+    }
+
+    #[inline(always)]
+    fn most_by_parity(self, v: Self::U) -> [u16; 2] {
+        let [a, b]: [pulp::u16x8; 2] = pulp::cast(v);
+        let pairs: [[u16; 2]; 4] = pulp::cast(self.0.max_u16x8(a, b));
+        let of = |k: usize| pairs[0][k].max(pairs[1][k]).max(pairs[2][k].max(pairs[3][k]));
+        [of(0), of(1)]
+    }
+
+    #[inline(always)]
+    fn all_above_zero(self, v: Self::F) -> bool {
+        let mask = self.0.cmp_gt_f32x8(v, self.0.splat_f32x8(0.0));
+        self.0.avx2._mm256_movemask_epi8(pulp::cast(mask)) == -1
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+impl Avx2 {
+    #[inline(always)]
+    fn all(self, mask: pulp::m16x16) -> bool {
+        self.0.avx2._mm256_movemask_epi8(pulp::cast(mask)) == -1
     }
 }
 

@@ -6,6 +6,7 @@ use crate::cells::PixelValue;
 use crate::merge::lanes::{BLOCK, Row};
 use crate::merge::shots::Shots;
 use crate::merge::wide::{Task, Wide};
+use crate::merge::{Merged, mend};
 
 /// A stretch of pixels of one row in one bin, from an even column on.
 #[derive(Clone, Copy, Debug)]
@@ -31,8 +32,8 @@ pub(super) struct Slot {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Band {
     pub(super) first_row: usize,
-    /// First and end of the blocks of each row that are seen.
-    pub(super) blocks: Vec<(usize, usize)>,
+    /// Blocks of each row that are seen.
+    pub(super) blocks: Vec<Vec<u32>>,
     /// Start of each row's runs, and the end of the last.
     pub(super) starts: Vec<u32>,
     pub(super) runs: Vec<Run>,
@@ -50,6 +51,8 @@ pub(super) struct Taken {
     pub(super) lost: Vec<u32>,
     /// Hot pixels, not yet in the sums.
     pub(super) hot: Vec<u32>,
+    /// In rising order, what hot pixels of this band and of those beside it are mended from.
+    pub(super) beside: Vec<(u32, Merged)>,
 }
 
 /// Sums of a slot, lane by lane.
@@ -72,6 +75,33 @@ pub(super) struct Pass<'a, 'b> {
 impl Band {
     pub(super) const fn task<'a, 'b>(&'a self, sweep: &'a Sweep, shots: &'a Shots<'b>) -> Pass<'a, 'b> {
         Pass { band: self, sweep, shots }
+    }
+
+    /// Hot pixels of the band that see the sample; and in rising order the pixels of the band that these and those in rows beside the band are mended from.
+    fn hot(&self, sweep: &Sweep, shots: &Shots<'_>) -> (Vec<u32>, Vec<u32>) {
+        let (w, rows) = (sweep.width, self.first_row..self.first_row + self.blocks.len());
+        let reach = mend::ASKED.iter().map(|a| a.1.unsigned_abs()).max().unwrap_or(0);
+        let (mut mine, mut asked) = (Vec::new(), Vec::new());
+        for &p in shots.dark.hot_between(rows.start.saturating_sub(reach) * w, (rows.end + reach) * w) {
+            if !sweep.visible[p as usize] {
+                continue;
+            }
+            let (x, y) = (p as usize % w, p as usize / w);
+            if rows.contains(&y) {
+                mine.push(p);
+            }
+            for (dx, dy) in mend::ASKED {
+                let (Some(x), Some(y)) = (x.checked_add_signed(dx), y.checked_add_signed(dy)) else {
+                    continue;
+                };
+                let q = y * w + x;
+                if x < w && rows.contains(&y) && sweep.visible[q] && !shots.dark.is_hot(q) {
+                    asked.push(q as u32);
+                }
+            }
+        }
+        asked.sort_unstable();
+        (mine, asked)
     }
 
     /// Calls `f` with the bin, the weight and the reference's relative variance of every run that holds pixel `p`.
@@ -100,13 +130,13 @@ impl Task for Pass<'_, '_> {
         let mut row = Row::of(sweep.width);
         let mut sums = vec![Lanes::default(); band.slots.len()];
         let mut out = Taken::default();
-        for (k, &blocks) in band.blocks.iter().enumerate() {
-            if blocks.0 >= blocks.1 {
-                continue;
-            }
+        let (hot, asked) = band.hot(sweep, shots);
+        for (k, blocks) in band.blocks.iter().enumerate().filter(|(_, blocks)| !blocks.is_empty()) {
             let y = band.first_row + k;
             row.merge(wide, shots, y, blocks);
-            set_aside(&mut row, y, blocks, sweep, shots, &mut out);
+            let start = y * sweep.width;
+            out.beside.extend(of_row(&asked, y, sweep.width).map(|x| ((start + x) as u32, row.pixel(x))));
+            set_aside(&mut row, y, blocks, sweep, &hot, &mut out);
             keep(&row, y, &sweep.window, sweep, &mut out.window);
             for run in &band.runs[band.starts[k] as usize..band.starts[k + 1] as usize] {
                 let weights = &band.weights[run.first as usize..run.end as usize];
@@ -114,6 +144,7 @@ impl Task for Pass<'_, '_> {
             }
         }
         out.sums = sums.iter().map(by_column).collect();
+        out.hot = hot;
         out
     }
 }
@@ -152,27 +183,13 @@ fn by_column(lanes: &Lanes) -> [[f64; 5]; 2] {
     })
 }
 
-/// Takes what is rare out of the row: it counts as nothing in the sums and is put right afterwards.
-fn set_aside(
-    row: &mut Row,
-    y: usize,
-    blocks: (usize, usize),
-    sweep: &Sweep,
-    shots: &Shots<'_>,
-    out: &mut Taken,
-) {
+/// Takes what is rare out of the row, the `hot` pixels of the band among it: it counts as nothing in the sums and is put right afterwards.
+fn set_aside(row: &mut Row, y: usize, blocks: &[u32], sweep: &Sweep, hot: &[u32], out: &mut Taken) {
     let w = sweep.width;
-    let (from, to) = (blocks.0 * BLOCK, (blocks.1 * BLOCK).min(w));
-    let hot = &shots.hot[y * w + from..y * w + to];
-    if hot.iter().fold(false, |any, h| any | h) {
-        for x in (from..to).filter(|x| hot[x - from]) {
-            if sweep.visible[y * w + x] {
-                out.hot.push((y * w + x) as u32);
-            }
-            (row.rate[x], row.shot[x], row.read[x], row.dark[x]) = (0.0, 0.0, 0.0, 0.0);
-        }
+    for x in of_row(hot, y, w) {
+        (row.rate[x], row.shot[x], row.read[x], row.dark[x]) = (0.0, 0.0, 0.0, 0.0);
     }
-    for b in (blocks.0..blocks.1).filter(|b| row.lost[*b]) {
+    for b in blocks.iter().map(|b| *b as usize).filter(|b| row.lost[*b]) {
         // what fills the last lanes up included
         for x in b * BLOCK..(b + 1) * BLOCK {
             if row.rate[x] != f32::INFINITY {
@@ -184,6 +201,12 @@ fn set_aside(
             (row.rate[x], row.shot[x], row.read[x], row.dark[x]) = (0.0, 0.0, 0.0, 0.0);
         }
     }
+}
+
+/// Columns of those of some pixels in rising order that lie in a row.
+fn of_row(pixels: &[u32], y: usize, width: usize) -> impl Iterator<Item = usize> {
+    let first = pixels.partition_point(|&p| (p as usize) < y * width);
+    pixels[first..].iter().map(move |&p| p as usize - y * width).take_while(move |x| *x < width)
 }
 
 /// Keeps the row's part of the window.

@@ -48,9 +48,7 @@ impl Sweep {
                 let rows = band * BAND..((band + 1) * BAND).min(height);
                 let from = pieces.partition_point(|p| (p.row as usize) < rows.start);
                 let to = pieces.partition_point(|p| (p.row as usize) < rows.end);
-                let blocks = rows
-                    .clone()
-                    .map(|y| blocks_of(&view.visible[y * width..(y + 1) * width]).unwrap_or((0, 0)));
+                let blocks = rows.clone().map(|y| blocks_of(&view.visible[y * width..(y + 1) * width]));
                 band_of(&pieces[from..to], rows.start, blocks.collect(), weights.bins())
             })
             .collect();
@@ -164,7 +162,7 @@ fn close(pieces: &mut [Piece], squares: &mut [[f64; 2]; 2]) {
     *squares = [[0.0; 2]; 2];
 }
 
-fn band_of(pieces: &[Piece], first_row: usize, blocks: Vec<(usize, usize)>, bins: usize) -> Band {
+fn band_of(pieces: &[Piece], first_row: usize, blocks: Vec<Vec<u32>>, bins: usize) -> Band {
     let mut band = Band { first_row, starts: vec![0], ..Band::default() };
     let mut slot_of = vec![u32::MAX; 2 * bins];
     let mut rest = pieces;

@@ -6,10 +6,12 @@ use gonio_brdf::Grid;
 use gonio_instrument::{Exposure, Frame, Pose, PoseRecord, builtin};
 use gonio_optics::Vec3;
 
-use super::Sweep;
+use super::{Sweep, Swept};
 use crate::cells::{PixelValue, per_rate, sum};
 use crate::dark::{DarkFrames, DarkModel};
-use crate::merge::merge;
+use crate::merge::shots::Shots;
+use crate::merge::wide::{self, Plain, Task};
+use crate::merge::{MergedPose, merge};
 use crate::pixel_map::PixelMap;
 use crate::reference::WhiteReference;
 use crate::sensor::Sensor;
@@ -113,6 +115,8 @@ impl Bench {
         let merged = merge(&record, map, &self.sensor, &self.dark, &view.visible).expect("merges");
         assert_eq!(swept.saturated_share, merged.saturated_share);
         assert_eq!((swept.exposures, swept.lamp_relative), (merged.exposures, merged.lamp_relative));
+        both_ways(&sweep, &Shots::of(&record, map.width(), &self.sensor, &self.dark).expect("light"));
+        self.hold_picture(&sweep, &swept, &weights, &merged);
         let one = per_rate(map, &view, &self.white, 0.8);
         let plain: Vec<PixelValue> = (0..one.len())
             .map(|p| PixelValue::of(&merged.pixels[p], one[p], self.white.relative_variance[p]))
@@ -153,6 +157,47 @@ impl Bench {
             }
         }
         (saturated, gaps)
+    }
+}
+
+impl Bench {
+    /// Holds a sweep against the sums of the picture that the merge alone gives.
+    fn hold_picture(&self, sweep: &Sweep, swept: &Swept, weights: &Weights, merged: &MergedPose) {
+        let picture = sweep.picture(merged, weights, &self.white.relative_variance);
+        assert_eq!(picture.saturated_share, swept.saturated_share);
+        assert_eq!((picture.exposures, picture.lamp_relative), (swept.exposures, swept.lamp_relative));
+        for (list, (a, b)) in picture.sums.iter().zip(&swept.sums).enumerate() {
+            assert!(!b.saturated || a.saturated || a.valid < a.all, "{list}: {a:?} {b:?}");
+            if a.saturated {
+                continue;
+            }
+            let value = a.value.abs().max(a.shot.sqrt());
+            assert!((a.value - b.value).abs() <= 3e-6 * value, "{list}: {a:?} {b:?}");
+            for (a, b) in [(a.shot, b.shot), (a.read, b.read), (a.dark, b.dark)] {
+                assert!((a - b).abs() <= 1e-5 * a + 1e-30, "{list}: {a:e} {b:e}");
+            }
+            assert!((a.valid - b.valid).abs() <= 1e-6 * a.all, "{list}: {a:?} {b:?}");
+        }
+        assert_eq!(picture.window.rows(), swept.window.rows());
+        for y in picture.window.rows() {
+            for x in picture.window.columns() {
+                let p = y * self.map.width() + x;
+                let bits = |s: &Swept| {
+                    let v = s.window.get(p);
+                    [v.f, v.shot, v.read, v.dark, v.reference].map(f32::to_bits)
+                };
+                assert_eq!(bits(&picture), bits(swept), "{p}");
+            }
+        }
+    }
+}
+
+/// Every band eight at a time and one after the other: the same to the last bit, which the shortest text of a number tells.
+fn both_ways(sweep: &Sweep, shots: &Shots<'_>) {
+    for band in &sweep.bands {
+        let wide = wide::run(band.task(sweep, shots));
+        let plain = band.task(sweep, shots).run(Plain);
+        assert_eq!(format!("{wide:?}"), format!("{plain:?}"), "rows from {}", band.first_row);
     }
 }
 

@@ -8,9 +8,11 @@ use gonio_instrument::{Description, PoseRecord, ScanKind};
 
 use super::RadiometryError;
 use super::calibrate::{Input, in_session, stability};
+use super::evidence::Evidence;
 use super::face_fit::{self, Seen};
+use super::haze;
 use super::stray::Stray;
-use super::stray_fit::{self, Evidence};
+use super::stray_fit;
 use crate::merge::MergedPose;
 use crate::merge_white::Merger;
 use crate::options::Options;
@@ -19,6 +21,8 @@ use crate::reference::certified;
 
 /// Poses of black glass looked at for tails.
 const GLOSS_POSES: usize = 12;
+/// Misfit of glare and tails from which it is told.
+const GOOD_MISFIT: f64 = 4.0;
 
 /// Merged poses of a session, each with everything in the picture.
 fn merged<'a>(
@@ -40,10 +44,13 @@ fn merged<'a>(
 /// A pose with its picture, what stray light left colour by colour, the lamp's scatter.
 type Corrected = (PoseRecord, MergedPose, [f64; 3], f64);
 
-/// Haze, glare, tails and the camera's own face; they are set in the description.
+/// Haze, glare, tails and the camera's own face; they are set in the description. `index` is that of the black glass, `response` the relative standard
+/// deviation of the pixels' sensitivities, `bend` the relative uncertainty of bright against faint light.
 pub(super) fn find(
     d: &mut Description,
     inputs: &[Input<'_>],
+    index: f64,
+    [response, bend]: [f64; 2],
 ) -> Result<Option<stray_fit::Found>, RadiometryError> {
     let map = Arc::new(PixelMap::new(d));
     let of = |kinds: &'static [ScanKind]| inputs.iter().filter(move |i| kinds.contains(&i.kind));
@@ -52,10 +59,10 @@ pub(super) fn find(
     let mut hazes: Vec<Haze> = Vec::new();
     for input in of(&[ScanKind::Trap]) {
         for pose in merged(input, &map) {
-            hazes.push(stray_fit::haze(&pose?.1.pixels, &map));
+            hazes.push(haze::of_trap(&pose?.1.pixels, &map));
         }
     }
-    light.haze = stray_fit::mean_haze(&hazes);
+    light.haze = haze::mean(&hazes);
     if hazes.is_empty() {
         notes.push("light that comes past the sample is not known: add a session of --kind trap".to_owned());
     }
@@ -66,23 +73,30 @@ pub(super) fn find(
         for pose in merged(input, &map) {
             let (record, mut m) = pose?;
             without_haze.correct(&mut m.pixels, &map);
-            evidence.push(Evidence::of_blind(&m.pixels, &map.view(record.readback), &map));
+            evidence.push(Evidence::of_blind(&m.pixels, &map.view(record.readback), &map, response));
         }
     }
     for input in of(&[ScanKind::BlackGlass, ScanKind::BlackGlassWedge]) {
         let step = (input.poses)().count().div_ceil(GLOSS_POSES).max(1);
         for (k, pose) in merged(input, &map).enumerate() {
-            let (_, mut m) = pose?;
+            let (record, mut m) = pose?;
             if k % step == 0 {
                 without_haze.correct(&mut m.pixels, &map);
-                evidence.extend(Evidence::of_gloss(&m.pixels, &map));
+                let view = map.view(record.readback);
+                evidence.extend(Evidence::of_gloss(&m.pixels, &view, &map, response, index));
             }
         }
     }
-    let found = stray_fit::find(&evidence, &map);
+    let found = stray_fit::find(&evidence, &map, bend);
     match &found {
         Some(f) => {
             (light.glare, light.tail_share, light.tail_radius_mm) = (f.glare, f.tail_share, f.tail_radius_mm);
+            if f.misfit > GOOD_MISFIT {
+                notes.push(format!(
+                    "glare and tails are not quite of the shape that is assumed: misfit {:.1} (docs/calibration.md); their uncertainties hold it",
+                    f.misfit
+                ));
+            }
             if !f.from_gloss {
                 notes.push(
                     "tails of the point image come from the edges of light alone: add a session of --kind black-glass".to_owned(),

@@ -106,9 +106,9 @@ pub fn calibrate(
         hot: dark.hot(&nominal, map.width() * map.height()),
         ..Radiometry::default()
     };
-    let transfer = response::find(&record, &map, &dark, &mut radiometry)?;
+    let response::Shown { transfer, spread, bend } = response::find(&record, &map, &dark, &mut radiometry)?;
     let mut described = Description { radiometry: Some(radiometry), ..description.clone() };
-    let stray = astray::find(&mut described, inputs)?;
+    let stray = astray::find(&mut described, inputs, settings.index, [spread, bend])?;
     let gloss = references::find(&mut described, inputs, settings)?;
     let r = described.radiometry.get_or_insert_default();
     let gain_relative = r.electrons_per_count.iter().map(|g| g.sigma / g.value).fold(0.0, f64::max);

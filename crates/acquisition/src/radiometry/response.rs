@@ -6,10 +6,10 @@ use gonio_instrument::radiometry::{Known, Radiometry};
 use super::RadiometryError;
 use super::dark_current::DarkSeries;
 use super::defects;
+use super::distance;
 use super::linearity::{self, Linearity};
 use super::photon_transfer::{self, PhotonTransfer};
 use super::series::{self, Level};
-use super::stray_fit;
 use crate::pixel_map::PixelMap;
 
 /// Largest θo of a pixel of a flat series, degrees: beyond, footprints reach past the spot.
@@ -19,13 +19,23 @@ const FLAT_PIXELS: usize = 1000;
 /// Share of a frame's pixels at its largest count from which on that count is where the camera clips.
 const CLIPPED_SHARE: f64 = 0.01;
 
+/// What later parts need besides.
+pub(super) struct Shown {
+    /// The photon-transfer curve.
+    pub transfer: PhotonTransfer,
+    /// Relative standard deviation of the pixels' sensitivities.
+    pub spread: f64,
+    /// Relative uncertainty of bright against faint light that the linearisation leaves.
+    pub bend: f64,
+}
+
 /// Black level, dead pixels, linearity and gain from the flat series.
 pub(super) fn find(
     record: &PoseRecord,
     map: &PixelMap,
     dark: &DarkSeries,
     out: &mut Radiometry,
-) -> Result<PhotonTransfer, RadiometryError> {
+) -> Result<Shown, RadiometryError> {
     let levels = series::levels(record)?;
     let camera = &map.description().camera;
     let rough_gain = camera.electrons_per_count();
@@ -44,9 +54,7 @@ pub(super) fn find(
         .ok_or_else(|| RadiometryError::NoGain {
             reason: format!("{} levels are of use, and their variance does not grow with them", levels.len()),
         })?;
-    let gain = transfer.electrons_per_count.iter().map(|g| g.value).sum::<f64>() / 3.0;
-    let gain_sigma = transfer.electrons_per_count.iter().map(|g| g.sigma.powi(2)).sum::<f64>().sqrt() / 3.0;
-    let (black, current, notes) = dark.find(Known::new(gain, gain_sigma));
+    let (black, current, notes) = dark.find(transfer.mean);
     out.notes.extend(notes);
     out.black_level = black;
     out.dark = current;
@@ -59,22 +67,22 @@ pub(super) fn find(
     out.read_noise_e = transfer.read_noise_e;
     let (clipped, reached) = clip(&levels, camera.top_code());
     (out.clipped_at, out.full_well_reached) = (clipped, reached);
-    out.full_well_e = full_well(clipped, &line, out, map);
+    out.full_well_e = full_well(clipped, &line, out, &transfer, map);
     if !reached {
         out.notes.push(format!(
             "no exposure of the flat series saturates: the full well is at least {:.0} electrons; add a longer exposure",
             out.full_well_e.value
         ));
     }
-    Ok(transfer)
+    Ok(Shown { transfer, spread: response.spread.value, bend: line.bend() })
 }
 
 /// Pixels that see the sample in even light, some tiles away from every edge.
 fn lit_pixels(map: &PixelMap, record: &PoseRecord) -> Vec<bool> {
     let view = map.view(record.readback);
     let limit = FLAT_LIMIT_DEG.to_radians().cos();
-    let far = stray_fit::pixels_from(map, |p| !view.visible[p]);
-    let margin = (map.width() / 200).max(2);
+    let far = distance::of_pixels(map, |p| !view.visible[p]);
+    let margin = distance::margin(map);
     (0..view.visible.len())
         .map(|p| {
             far[p] >= margin && view.visible[p] && view.sample_from_lab.apply(map.direction(p)).z > limit
@@ -121,14 +129,14 @@ fn clip(levels: &[Level<'_>], top: u32) -> (u32, bool) {
     (top, false)
 }
 
-fn full_well(clipped: u32, line: &Linearity, r: &Radiometry, map: &PixelMap) -> Known {
+fn full_well(clipped: u32, line: &Linearity, r: &Radiometry, t: &PhotonTransfer, map: &PixelMap) -> Known {
     let camera = &map.description().camera;
     let range = f64::from(camera.top_code() - camera.black_level);
     let x = (f64::from(clipped) - r.black_level.value) / range;
-    let gain = r.electrons_per_count.iter().map(|g| g.value).sum::<f64>() / 3.0;
-    let relative = r.electrons_per_count.iter().map(|g| g.sigma / g.value).fold(0.0, f64::max);
-    let value = gain * range * line.apply(x);
-    let [[a, b], [_, c]] = line.covariance;
-    let bend = (a * x.powi(4) + 2.0 * b * x.powi(5) + c * x.powi(6)).max(0.0).sqrt() * gain * range;
-    Known::new(value, (value * relative).hypot(bend))
+    let value = t.mean.value * range * line.apply(x);
+    // the linearisation bends the level and the gain, partly against each other
+    let level = line.apply(x) / x;
+    let both = [x / level + t.by_bend[0], x * x / level + t.by_bend[1]];
+    let own = (t.mean.sigma / t.mean.value).powi(2) - line.along(t.by_bend).powi(2);
+    Known::new(value, value * own.max(0.0).sqrt().hypot(line.along(both)))
 }

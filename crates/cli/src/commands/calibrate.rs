@@ -50,18 +50,18 @@ pub struct Calibrated {
 /// # Errors
 /// [`Failure::Usage`] for sessions that cannot serve; [`Failure::Failed`] where the fit cannot begin.
 pub fn geometry(a: &GeometryArguments, printer: Printer) -> Result<Outcome, Failure> {
-    let picture = a.picture.clone().unwrap_or_else(|| beside(&a.output, "spots.png"));
+    let picture = a.picture.clone().unwrap_or_else(|| beside(&a.common.output, "spots.png"));
     let inputs: Vec<&Path> = a.sessions.iter().map(PathBuf::as_path).collect();
-    check_apart(&a.output, &inputs)?;
-    for path in [&a.output, &picture] {
+    check_apart(&a.common.output, &inputs)?;
+    for path in [&a.common.output, &picture] {
         check_new(path)?;
     }
     let c = calibrate(a)?;
     let text =
         c.description.to_toml().map_err(|e| Failure::failed("the description cannot be written", e))?;
-    write_whole(&a.output, text.as_bytes())?;
+    write_whole(&a.common.output, text.as_bytes())?;
     write_whole(&picture, &draw(&c).to_png().map_err(|e| Failure::failed("the picture cannot be made", e))?)?;
-    printer.result(&words(&c, &a.output, &picture), &to_json(&c, &a.output, &picture));
+    printer.result(&words(&c, &a.common.output, &picture), &to_json(&c, &a.common.output, &picture));
     let mut loss = c.lost.clone();
     if !c.verdict.good {
         loss.push(format!(
@@ -115,7 +115,7 @@ pub fn calibrate(a: &GeometryArguments) -> Result<Calibrated, Failure> {
         recorded.get_or_insert_with(|| (path.clone(), instrument));
         sessions.push((path.clone(), kind, session));
     }
-    let description = match (&a.instrument, recorded) {
+    let description = match (&a.common.instrument, recorded) {
         (Some(name), _) => rig::instrument(name)?,
         (None, Some((_, d))) => d,
         (None, None) => return Err(Failure::usage("no session was given")),
@@ -128,7 +128,7 @@ pub fn calibrate(a: &GeometryArguments) -> Result<Calibrated, Failure> {
     let failed = |e: geometry::CalibrationError| Failure::Failed(e.to_string());
     let mut lost = Vec::new();
     let map = Arc::new(PixelMap::new(&description));
-    let (first, mut without_spot) = find_spots(&sessions, &map, a.index, [1.0; 3], &mut lost)?;
+    let (first, mut without_spot) = find_spots(&sessions, &map, a.common.index, [1.0; 3], &mut lost)?;
     let mut problem = Problem { description: description.clone(), spots: first, edges: Vec::new() };
     let mut solution = geometry::solve(&problem, &settings).map_err(failed)?;
     // with the optics found edges are near enough to be sought; spots are fitted again where the channels' sensitivities differ
@@ -137,7 +137,7 @@ pub fn calibrate(a: &GeometryArguments) -> Result<Calibrated, Failure> {
     let map = Arc::new(PixelMap::new(&found));
     let gains = spots::channel_gains(&problem.spots);
     if gains.iter().any(|g| (g - 1.0).abs() > EQUAL_CHANNELS) {
-        (problem.spots, without_spot) = find_spots(&sessions, &map, a.index, gains, &mut Vec::new())?;
+        (problem.spots, without_spot) = find_spots(&sessions, &map, a.common.index, gains, &mut Vec::new())?;
     }
     problem.edges = find_edges(&sessions, &map, &mut lost)?;
     problem.description.calibration = found.calibration;

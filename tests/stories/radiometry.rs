@@ -9,6 +9,7 @@ use gonio_brdf::Flag;
 use gonio_brdf::formats::{self, Loaded};
 use gonio_instrument::radiometry::Known;
 use gonio_instrument::{Description, Exposure, Imperfections, PoseRecord, ScanKind};
+use gonio_optics::colour;
 use gonio_tests::imperfect::{Instrument, input, tiny, wrong};
 
 use crate::command::Bench;
@@ -160,6 +161,16 @@ fn what_cannot_calibrate_is_refused_with_what_would_serve() {
     assert!(matches!(told(&single, ScanKind::Flat).1, RadiometryError::NoPairs { exposures: 14 }));
     let saturated = without(&|e| e.frame.exposure > Duration::from_millis(45));
     assert!(matches!(told(&saturated, ScanKind::Flat).1, RadiometryError::Saturated { .. }));
+    let mut frozen = flat.clone();
+    let mut first: Option<Vec<u16>> = None;
+    for e in frozen[0].exposures.iter_mut().filter(|e| e.shutter_open) {
+        match first.take() {
+            // a camera that gives the same frame twice has no noise to tell its gain
+            Some(pixels) => e.frame.pixels = pixels,
+            None => first = Some(e.frame.pixels.clone()),
+        }
+    }
+    assert!(matches!(told(&frozen, ScanKind::Flat).1, RadiometryError::NoGain { .. }));
     let mut strange = flat.clone();
     strange[0].exposures[0].frame.width = 80;
     assert!(told(&strange, ScanKind::Flat).0.contains("S.mcap: pose 0 holds a frame of 80 x 128"));
@@ -172,7 +183,8 @@ fn what_cannot_calibrate_is_refused_with_what_would_serve() {
     }
 }
 
-const SENSOR: &str = "[radiometry]\ngain_error = 0.05\nread_noise_error = 0.3\nblack_level_error = 1.6\ncompression = 0.02\npixel_response = 0.01\n\
+/// A misalignment file of sensor and light.
+pub const SENSOR: &str = "[radiometry]\ngain_error = 0.05\nread_noise_error = 0.3\nblack_level_error = 1.6\ncompression = 0.02\npixel_response = 0.01\n\
                       dark_current_error = 1.0\nveiling_glare = 0.012\ntail_share = 0.02\ntail_radius_mm = 0.12\nface_reflectance = 0.1\nlamp_haze = 5e-4\n";
 const GREY: &str = r#"{"model":"lambert","diffuse":[0.1,0.1,0.1]}"#;
 
@@ -276,4 +288,112 @@ fn scans_of_references_calibrate_and_replays_use_it() {
         "{}",
         other.stderr
     );
+}
+
+/// From the camera's channels to linear Rec. 709, as the chart of [`chart`] has it.
+pub const MATRIX: [[f64; 3]; 3] = [[1.3, -0.2, -0.1], [-0.15, 1.25, -0.1], [0.05, -0.3, 1.25]];
+
+/// Writes a chart of eight patches seen through [`MATRIX`], each with a table of its own.
+pub fn chart(bench: &Bench, name: &str) {
+    let mut text = "format = \"gonio-chart\"\nversion = 1\ntheta_i_deg = 45\ntheta_o_deg = 0\n".to_owned();
+    let patches = [
+        [0.8, 0.8, 0.8],
+        [0.2, 0.2, 0.2],
+        [0.5, 0.12, 0.1],
+        [0.1, 0.4, 0.12],
+        [0.08, 0.12, 0.5],
+        [0.5, 0.45, 0.1],
+        [0.4, 0.15, 0.4],
+        [0.1, 0.35, 0.4],
+    ];
+    for (k, rgb) in patches.iter().enumerate() {
+        let lab = colour::lab_from_rgb(MATRIX.map(|r| r[0] * rgb[0] + r[1] * rgb[1] + r[2] * rgb[2]));
+        text += &format!(
+            "[[patch]]\nname = \"P{k}\"\nlab = [{}, {}, {}]\ntable = \"P{k}.csv\"\n",
+            lab.l, lab.a, lab.b
+        );
+        let f = rgb.map(|v| v / std::f64::consts::PI);
+        let mut rows = "theta_i_deg,theta_o_deg,phi_deg,r,g,b\n".to_owned();
+        for (i, o, phi) in (0..8).map(|n| (60 * (n / 4), 60 * (n / 2 % 2), 180 * (n % 2))) {
+            rows += &format!("{i},{o},{phi},{},{},{}\n", f[0], f[1], f[2]);
+        }
+        bench.write(&format!("P{k}.csv"), rows);
+    }
+    bench.write(name, text);
+}
+
+#[test]
+fn a_chart_from_a_file_gives_colours_whose_residual_stands_on_every_report() {
+    let bench = Bench::new();
+    bench.write("grey.json", r#"{"model":"lambert","diffuse":[0.3,0.2,0.1]}"#);
+    let scan = ["scan", "--instrument", "tiny", "--truth", "grey.json"];
+    bench.ok(&[&scan[..], &["--kind", "flat", "-o", "flat.mcap"]].concat());
+    let plain = bench.ok(&[&scan[..], &["-o", "S.mcap", "--fit=lambert", "--json"]].concat()).json();
+    assert_eq!(plain["colours"]["colorimetric"], false, "{}", plain["colours"]);
+    chart(&bench, "chart.toml");
+    let words = ["calibrate", "radiometry", "flat.mcap", "--chart", "chart.toml", "-o", "I.toml"];
+    let told = bench.ok(&[&words[..], &["--json"]].concat()).json();
+    let colour = &told["calibration"]["colour"];
+    assert_eq!(
+        (colour["patches"].as_u64(), colour["chart"].as_str()),
+        (Some(8), Some("chart.toml")),
+        "{colour}"
+    );
+    for (r, row) in MATRIX.iter().enumerate() {
+        for (c, m) in row.iter().enumerate() {
+            assert!((colour["matrix"][r][c].as_f64().expect("a number") - m).abs() < 1e-3, "{colour}");
+        }
+    }
+    assert!(!told["notes"].to_string().contains("not colorimetric"), "{}", told["notes"]);
+    assert!(bench.ok(&["info", "I.toml"]).stdout.contains("chart.toml"));
+    let replay = ["replay", "S.mcap", "--instrument", "I.toml", "--fit=lambert", "-o"];
+    let json = bench.ok(&[&replay[..], &["T.nc", "--json"]].concat()).json();
+    let said = &json["colours"];
+    assert!(said["colorimetric"] == true && said["delta_e_max"].as_f64().is_some_and(|d| d < 0.1), "{said}");
+    let text = bench.ok(&[&replay[..], &["U.nc"]].concat()).stdout;
+    assert!(text.contains("left over its chart"), "{text}");
+    assert!(bench.ok(&["replay", "S.mcap", "-o", "V.nc"]).stdout.contains("not colorimetric"));
+    let report = |name: &str| String::from_utf8_lossy(&bench.read(name)).into_owned();
+    assert!(
+        report("T.report.html").contains("left over its chart")
+            && !report("T.report.html").contains("Not colorimetric")
+    );
+    assert!(report("S.report.html").contains("Not colorimetric"));
+    for (table, told) in [("T.nc", "left over its chart"), ("V.nc", "Not colorimetric")] {
+        bench.ok(&["fit", table, "--model", "lambert", "--report", &format!("{table}.html")]);
+        assert!(report(&format!("{table}.html")).contains(told), "{table}");
+    }
+    // the table went through the matrix
+    let read = |name: &str| match formats::open(&bench.path(name)).expect("a table") {
+        Loaded::Table(m) => m,
+        _ => panic!("no table"),
+    };
+    let (before, after) = (read("V.nc"), read("T.nc"));
+    let at = (0..after.flag.len()).find(|&i| after.flag[i] == Flag::Measured).expect("measured");
+    let seen = before.values[at].map(f64::from);
+    for (c, row) in MATRIX.iter().enumerate() {
+        let wanted = row[0] * seen[0] + row[1] * seen[1] + row[2] * seen[2];
+        assert!(
+            (f64::from(after.values[at][c]) / wanted - 1.0).abs() < 0.02,
+            "{:?} {seen:?}",
+            after.values[at]
+        );
+    }
+    // charts that cannot serve
+    let whole = String::from_utf8(bench.read("chart.toml")).expect("text");
+    let few = whole.split("[[patch]]").take(5).collect::<Vec<_>>().join("[[patch]]");
+    let alike = whole.replace("P3.csv", "P2.csv");
+    for (text, said) in [
+        (few, "at least 6"),
+        (whole.replace("P3.csv", "absent.csv"), "absent.csv"),
+        (whole.replace("P3.csv", "T.nc"), "went through a colour matrix already"),
+        (whole.replace("gonio-chart", "gonio-plan"), "gonio-chart"),
+        (whole.replace("lab = [", "lab = [999.0, "), "lab"),
+        ((0..8).fold(alike, |t, k| t.replace(&format!("P{k}.csv"), "P0.csv")), "do not differ enough"),
+    ] {
+        bench.write("bad.toml", text);
+        let ran = bench.run(&["calibrate", "radiometry", "flat.mcap", "--chart", "bad.toml", "-o", "J.toml"]);
+        assert!(ran.code == 2 && ran.stderr.contains(said), "{said}: {}", ran.stderr);
+        assert!(!bench.path("J.toml").exists());
+    }
 }

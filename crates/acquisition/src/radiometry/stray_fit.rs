@@ -90,12 +90,15 @@ fn shares_at(evidence: &[Evidence], start: [f64; 2], sigma: f64, rounds: usize) 
     Some((shares, left))
 }
 
+/// A pose and a block of the picture; 0 for all of either.
+type Cluster = (usize, usize);
+
 /// Everything at a place: Hessian and gradient of half the sum of squares in (g, ε, ln σ), scores block by block.
 struct Local {
     n: Matrix3<f64>,
     gradient: Vector3<f64>,
     /// By pose and block.
-    scores: BTreeMap<(usize, usize), Vector3<f64>>,
+    scores: BTreeMap<Cluster, Vector3<f64>>,
     square: f64,
     count: usize,
 }
@@ -150,8 +153,8 @@ impl Local {
     /// Covariance by the scatter of the blocks' scores.
     fn covariance(&self, width: bool) -> Matrix3<f64> {
         let inverse = self.inverse(width);
-        let meat = |cluster: &dyn Fn(&(usize, usize)) -> (usize, usize)| {
-            let mut sums: BTreeMap<(usize, usize), Vector3<f64>> = BTreeMap::new();
+        let meat = |cluster: fn(&Cluster) -> Cluster| {
+            let mut sums: BTreeMap<Cluster, Vector3<f64>> = BTreeMap::new();
             for (key, score) in &self.scores {
                 *sums.entry(cluster(key)).or_insert_with(Vector3::zeros) += score;
             }
@@ -159,9 +162,9 @@ impl Local {
             let sum = sums.values().fold(Matrix3::zeros(), |m: Matrix3<f64>, s| m + s * s.transpose());
             (sum * (n / (n - 3.0).max(1.0)), sums.len())
         };
-        let (by_block, _) = meat(&|k| (0, k.1));
-        let (by_pose, poses) = meat(&|k| (k.0, 0));
-        let (by_both, _) = meat(&|k| *k);
+        let (by_block, _) = meat(|k| (0, k.1));
+        let (by_pose, poses) = meat(|k| (k.0, 0));
+        let (by_both, _) = meat(|k| *k);
         let mut meat = by_block;
         // of a few poses the scatter is not told
         if poses >= FEW_POSES {

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
-use gonio::arguments::calibrate::GeometryArguments;
+use gonio::arguments::calibrate::{CommonArguments, GeometryArguments};
 use gonio::arguments::{Kind, ScanArguments, VirtualArguments};
 use gonio::commands::calibrate::{Calibrated, calibrate};
 use gonio::commands::scan::scan;
@@ -74,10 +74,8 @@ static CALIBRATION: LazyLock<Calibrated> = LazyLock::new(|| {
     ];
     let arguments = GeometryArguments {
         sessions: sessions.clone(),
-        output: scans::path("calibrated.toml"),
-        instrument: None,
+        common: CommonArguments { output: scans::path("calibrated.toml"), instrument: None, index: 1.567 },
         repeatability_deg: builtin::misalignment().expect("built in").tilt_repeatability_deg,
-        index: 1.567,
         picture: None,
     };
     let c = calibrate(&arguments).unwrap_or_else(|e| panic!("calibration: {e}"));

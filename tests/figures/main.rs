@@ -23,6 +23,7 @@ mod noise;
 mod paints;
 mod published;
 mod published_tables;
+mod radiometry;
 mod rays;
 mod scans;
 mod scene_choice;
@@ -101,6 +102,8 @@ const GROUPS: &[Group] = &[
     ("coat", coat::figures),
     ("flake-scan", flake_scan::figures),
     ("geometry", geometry::figures),
+    ("radiometry", radiometry::figures),
+    ("radiometry-reference", radiometry::reference),
     ("accuracy", accuracy::figures),
     ("sigma", accuracy::sigma),
     ("common-part", common::figures),

@@ -1,4 +1,4 @@
-//! What the stories share: golden tables, real measurements through `GONIO_DATA`, and the reliability campaigns.
+//! What the stories share: golden tables, real measurements through `GONIO_DATA`, an imperfect virtual instrument, and the reliability campaigns.
 //!
 //! Real measurements are not part of the project. A story asks for them with [`real_data`]; where `GONIO_DATA` is unset it says so and ends,
 //! where it is set and a file is missing the story fails. Every story writes one line to stderr past the capture of the test harness, so that
@@ -6,6 +6,7 @@
 //! beginning of the line).
 
 pub mod campaign;
+pub mod imperfect;
 
 use std::ffi::OsString;
 use std::io::Write as _;

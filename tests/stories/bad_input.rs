@@ -1,6 +1,6 @@
 //! What goes wrong is told in one error that says what to do, with the right exit code, and leaves everything as it was.
 
-use crate::command::{Bench, PAINT, Ran};
+use crate::command::{Bench, PAINT, Ran, flip_bit};
 
 fn refused(bench: &Bench, words: &[&str], code: i32, said: &[&str]) -> Ran {
     let ran = bench.run(words);
@@ -186,4 +186,191 @@ fn wrong_words_are_usage_errors_and_say_what_is_known() {
     refused(&bench, &["eval", "m.json", "--geometries", "g.csv", "-o", "o.csv"], 2, &["line 2", "phi_deg"]);
     refused(&bench, &["stop"], 1, &["no scan"]);
     refused(&bench, &["info", "g.csv"], 2, &["g.csv"]);
+}
+
+#[test]
+fn a_session_that_lost_its_dark_frames_is_evaluated_with_loss_and_says_so() {
+    let bench = Bench::new();
+    bench.write("paint.json", PAINT);
+    bench.ok(&["scan", "--instrument", "tiny", "--truth", "paint.json", "-o", "S.mcap", "--fit=lambert"]);
+    // the first pose holds them: a tenth of the way in
+    let bytes = bench.read("S.mcap").len();
+    flip_bit(&bench.path("S.mcap"), bytes / 10);
+    let words = ["replay", "S.mcap", "--reference", "S.white.mcap", "--fit=lambert", "-o"];
+    let text = refused(&bench, &[&words[..], &["T.nc"]].concat(), 3, &["no dark frames could be read"]);
+    assert!(text.stderr.contains("done with loss"), "{}", text.stderr);
+    let json = refused(&bench, &[&words[..], &["U.nc", "--json"]].concat(), 3, &[]).json();
+    assert!(json["lost"].to_string().contains("no dark frames"), "{}", json["lost"]);
+    assert!(String::from_utf8_lossy(&bench.read("T.report.html")).contains("no dark frames"));
+}
+
+#[test]
+fn a_panel_of_another_thickness_is_told_before_anything_moves() {
+    let bench = Bench::new();
+    bench.write("paint.json", PAINT);
+    let scan = |name: &'static str| {
+        [
+            "scan",
+            "--instrument",
+            "tiny",
+            "--truth",
+            "paint.json",
+            "--misalignment",
+            "m.toml",
+            "-o",
+            name,
+            "--json",
+        ]
+    };
+    // the holder is set for panels of 1 mm and one of 3 mm lies on it; and the other way round
+    for (height, said) in [("2.0", "+2.000 mm"), ("-2.0", "-2.000 mm")] {
+        bench.write("m.toml", format!("sample_height_mm = {height}\n"));
+        refused(&bench, &scan("S.mcap"), 4, &[said, "from F1", "adjust its height"]);
+    }
+    // set anew it need not be exact
+    bench.write("m.toml", "sample_height_mm = 0.12\n");
+    let done = bench.ok(&scan("T.mcap")).json();
+    assert_eq!((done["complete"].as_bool(), done["poses_done"].as_u64()), (Some(true), Some(6)), "{done}");
+}
+
+#[test]
+fn a_calibration_that_is_broken_foreign_or_newer_is_told() {
+    let bench = Bench::new();
+    bench.write("paint.json", PAINT);
+    bench.ok(&["scan", "--instrument", "tiny", "--truth", "paint.json", "-o", "S.mcap", "--fit=lambert"]);
+    bench.ok(&["scan", "--instrument", "tiny", "--kind", "flat", "-o", "flat.mcap"]);
+    bench.ok(&["calibrate", "radiometry", "flat.mcap", "-o", "I.toml"]);
+    let whole = String::from_utf8(bench.read("I.toml")).expect("text");
+    let gain = whole.find("electrons_per_count").expect("a gain");
+    for (name, text, said) in [
+        ("cut", whole[..gain + 40].to_owned(), vec!["I.bad.toml", "cannot be read", "line"]),
+        (
+            "foreign",
+            "format = \"gonio-plan\"\ntilt_deg = [10]\n".to_owned(),
+            vec!["gonio-instrument", "gonio-plan"],
+        ),
+        (
+            "newer",
+            whole.replacen("version = 1", "version = 9\nsomething_new = 3", 1),
+            vec!["version 9", "reads version 1", "update gonio"],
+        ),
+        (
+            "strange",
+            whole.replacen("[radiometry]", "[radiometry]\nsomething_new = 3", 1),
+            vec!["something_new"],
+        ),
+        (
+            "nonsense",
+            whole.replacen("linearity = [", "linearity = [nan, ", 1),
+            vec!["radiometry.linearity", "finite"],
+        ),
+    ] {
+        assert!(text != whole, "{name}");
+        bench.write("I.bad.toml", text);
+        for words in [
+            vec![
+                "replay",
+                "S.mcap",
+                "--reference",
+                "S.white.mcap",
+                "--instrument",
+                "I.bad.toml",
+                "-o",
+                "T.nc",
+            ],
+            vec!["scan", "--instrument", "I.bad.toml", "-o", "T.mcap"],
+            vec!["calibrate", "radiometry", "flat.mcap", "--instrument", "I.bad.toml", "-o", "J.toml"],
+        ] {
+            refused(&bench, &words, 2, &said);
+        }
+        assert!(["T.nc", "T.mcap", "J.toml"].iter().all(|f| !bench.path(f).exists()), "{name}");
+    }
+}
+
+#[test]
+fn calibrations_are_counted_kept_side_by_side_and_written_whole_or_not_at_all() {
+    let bench = Bench::new();
+    bench.ok(&["scan", "--instrument", "tiny", "--kind", "flat", "-o", "flat.mcap"]);
+    let words = ["calibrate", "radiometry", "flat.mcap", "-o"];
+    // what a run that was killed while it wrote left behind is no calibration, and in nobody's way
+    bench.write("I.toml.partial", "format = \"gonio-instr");
+    bench.ok(&[&words[..], &["I.toml"]].concat());
+    assert!(!bench.path("I.toml.partial").exists());
+    let first = bench.read("I.toml");
+    refused(&bench, &[&words[..], &["I.toml"]].concat(), 2, &["I.toml", "side by side"]);
+    assert_eq!(bench.read("I.toml"), first);
+    // not even where a picture of it stands
+    bench.write("K.dark.png", "mine");
+    refused(&bench, &[&words[..], &["K.toml"]].concat(), 2, &["K.dark.png", "side by side"]);
+    assert!(!bench.path("K.toml").exists() && bench.read("K.dark.png") == b"mine");
+    // a calibration of a calibrated instrument counts on
+    let again = [&words[..], &["I.2.toml", "--instrument", "I.toml", "--json"]].concat();
+    assert_eq!(bench.ok(&again).json()["version"], 2);
+    assert_eq!(bench.read("I.toml"), first);
+    refused(&bench, &[&words[..], &["no/such/I.toml"]].concat(), 2, &["no/such"]);
+}
+
+/// The reference optics before a camera of half the pixels a side.
+fn half(bench: &Bench) {
+    let mut d = gonio_instrument::builtin::description("reference").expect("built in").expect("readable");
+    d.name = "half".to_owned();
+    d.camera.size = d.camera.size.map(|n| n / 2);
+    d.camera.pitch_um *= 2.0;
+    bench.write("half.toml", d.to_toml().expect("writable"));
+}
+
+#[test]
+fn poses_that_do_not_determine_an_instrument_make_a_calibration_that_is_marked_as_not_good() {
+    let bench = Bench::new();
+    half(&bench);
+    bench
+        .write("plan.toml", "format = \"gonio-plan\"\ntilt_deg = [14, 20, 26, 32, 38, 44, 50, 56, 62, 68]\n");
+    let scan = [
+        "scan",
+        "--instrument",
+        "half.toml",
+        "--kind",
+        "black-glass",
+        "--plan",
+        "plan.toml",
+        "-o",
+        "flat.mcap",
+    ];
+    bench.ok(&scan);
+    // flat glass alone: its spots lie on one curve
+    let words = ["calibrate", "geometry", "flat.mcap", "-o"];
+    let text = refused(&bench, &[&words[..], &["I.toml"]].concat(), 3, &["marked as not good"]);
+    assert!(
+        text.stdout.contains("undetermined:") && text.stdout.contains("what would help:"),
+        "{}",
+        text.stdout
+    );
+    let json = refused(&bench, &[&words[..], &["J.toml", "--json"]].concat(), 3, &[]).json();
+    assert_eq!((json["good"].as_bool(), json["converged"].as_bool()), (Some(false), Some(true)), "{json}");
+    assert!(json["undetermined"].as_array().is_some_and(|u| !u.is_empty()), "{json}");
+    let info = bench.ok(&["info", "I.toml", "--json"]).json();
+    assert!(info.to_string().contains("\"good\":false"), "{info}");
+    // a camera that looks elsewhere: the spots should lie where nothing is, and outside the picture
+    let text = String::from_utf8(bench.read("half.toml")).expect("text");
+    let look = text.find("look = [").expect("a direction");
+    let end = look + text[look..].find(']').expect("its end") + 1;
+    bench.write("elsewhere.toml", format!("{}look = [0.0, 0.8, 0.6]{}", &text[..look], &text[end..]));
+    let elsewhere = [&words[..], &["K.toml", "--instrument", "elsewhere.toml"]].concat();
+    let ran = refused(&bench, &elsewhere, 1, &["at least 8", "outside the picture"]);
+    assert!(!bench.path("K.toml").exists(), "{}", ran.stderr);
+    // one pose is too few, whatever it shows
+    bench.write("one.toml", "format = \"gonio-plan\"\ntilt_deg = [30]\n");
+    let one = [
+        "scan",
+        "--instrument",
+        "half.toml",
+        "--kind",
+        "black-glass",
+        "--plan",
+        "one.toml",
+        "-o",
+        "one.mcap",
+    ];
+    bench.ok(&one);
+    refused(&bench, &["calibrate", "geometry", "one.mcap", "-o", "L.toml"], 1, &["1 spots", "at least 8"]);
 }

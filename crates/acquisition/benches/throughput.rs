@@ -172,6 +172,7 @@ fn bench() {
         lamp_relative: 0.0,
         law: Vec::new(),
         stray_relative: 0.0,
+        own_light: 0.0,
         serial: String::new(),
         notes: Vec::new(),
     };

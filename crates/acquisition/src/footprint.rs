@@ -2,8 +2,8 @@
 //!
 //! A pixel sees the pupil's image at F1, drawn out along the line of sight on the sample: an ellipse about the place where the chief ray meets it. The
 //! spot is another one: radius R across the plane of incidence, R/cos θi within. In units of the spot's half axes the spot is the unit circle and
-//! the footprint `c + s a + t b` with (s, t) in the unit disc; a and b turned so that b is its long half axis, the chords along b are cut exactly
-//! and added by Gauss–Chebyshev's rule.
+//! the footprint `c + s a + t b` with (s, t) in the unit disc; a and b turned so that b points where it reaches farthest off, the chords along b are
+//! cut exactly and added by Gauss–Chebyshev's rule.
 
 use gonio_optics::{Rotation, Vec3};
 
@@ -11,6 +11,8 @@ use crate::optics::Optics;
 
 /// Chords of a footprint that the spot cuts.
 const CHORDS: usize = 24;
+/// Steps towards the point of a footprint that lies farthest off.
+const FARTHER: usize = 6;
 
 /// The footprint of a pixel on the sample, in the sample frame's x and y, mm.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -100,9 +102,18 @@ impl Footprint {
         let c = in_spots(self.place);
         let [p, q] = self.radii.map(in_spots);
         let dot = |p: [f64; 2], q: [f64; 2]| p[0] * q[0] + p[1] * q[1];
-        // from conjugate half axes to the ellipse's own
-        let turn = 0.5 * (2.0 * dot(p, q)).atan2(dot(p, p) - dot(q, q));
-        let (sin, cos) = turn.sin_cos();
+        // chords run to where it reaches farthest off the spot's middle: there it is cut first, and every chord is cut a little
+        let own = 0.5 * (2.0 * dot(p, q)).atan2(dot(p, p) - dot(q, q));
+        let (mut sin, mut cos) = own.sin_cos();
+        if dot(c, p) * cos + dot(c, q) * sin < 0.0 {
+            (sin, cos) = (-sin, -cos);
+        }
+        for _ in 0..FARTHER {
+            let at = [0, 1].map(|k| c[k] + cos * p[k] + sin * q[k]);
+            let (x, y) = (dot(at, p), dot(at, q));
+            let size = x.hypot(y).max(1e-30);
+            (sin, cos) = (y / size, x / size);
+        }
         let b = [cos * p[0] + sin * q[0], cos * p[1] + sin * q[1]];
         let a = [cos * q[0] - sin * p[0], cos * q[1] - sin * p[1]];
         let sum: f64 = (1..=CHORDS)

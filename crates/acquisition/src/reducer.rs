@@ -21,7 +21,9 @@ use crate::lamp;
 use crate::merge::{check_frames, merge};
 use crate::options::{ClearCoat, Options};
 use crate::pixel_map::{PixelMap, PoseView};
+use crate::radiometry::azimuth_part::{self, Corrections};
 use crate::radiometry::stray::Stray;
+use crate::radiometry::table_part::Returned;
 use crate::radiometry::{chart, face, table_part};
 use crate::reference::WhiteReference;
 use crate::row::Row;
@@ -228,13 +230,17 @@ impl Reducer {
     /// Takes off what the camera's face threw back, and adds the part of σ that stray light leaves. A gloss of this index is not in the table.
     fn take_off_returned(&self, m: &mut Measured, gloss_index: Option<f64>) {
         let Some(stray) = &self.stray else { return };
-        let taken = stray.light().face.map(|k| {
-            let off = face::take_off(m, &self.map, k.value, gloss_index);
-            (off, k.sigma / k.value.abs().max(1e-12))
+        let returned = stray.light().face.map(|kappa| Returned {
+            taken: face::take_off(m, &self.map, kappa.value, gloss_index),
+            kappa,
+            white: self.white.own_light,
         });
-        let rows: Vec<[f64; 3]> =
-            self.stray_rows.iter().map(|(s, n)| s.map(|v| (v / f64::from((*n).max(1))).sqrt())).collect();
-        table_part::add(m, &rows, taken.as_ref().map(|(t, r)| (t.as_slice(), *r)), self.white.stray_relative);
+        table_part::add(m, &self.stray_left(), returned.as_ref(), self.white.stray_relative);
+    }
+
+    /// What glare, tails and haze are uncertain by, in f, row by row.
+    fn stray_left(&self) -> Vec<[f64; 3]> {
+        self.stray_rows.iter().map(|(s, n)| s.map(|v| (v / f64::from((*n).max(1))).sqrt())).collect()
     }
 
     fn nearest_row(&self, theta_i: Angle) -> (usize, f64) {
@@ -284,14 +290,21 @@ impl Reducer {
         self.azimuths.isotropy(&self.options.grid, self.options.limit_deg)
     }
 
-    /// The table over four angles, as seen: nothing is filled and no coat taken off.
+    /// The table over four angles, corrected like the other one; nothing is filled and no coat taken off.
     #[must_use]
     pub fn azimuth_table(&self) -> Anisotropic {
         let meaning = Meaning::CellMean { lamp_half_angle: self.map.description().lamp.half_angle() };
         let common = self.white.certificate_uncertainty.hypot(self.white.lamp_relative);
         let o = &self.options;
         let mut t = self.azimuths.table(&o.grid, meaning, o.limit_deg, common);
+        let corrections = Corrections {
+            rows: &self.stray_left(),
+            white: self.white.stray_relative,
+            own_light: self.white.own_light,
+        };
+        azimuth_part::correct(&mut t, &self.map, &corrections);
         t.attributes = self.sample_attributes();
+        t.attributes.append(&mut self.calibration_attributes());
         t
     }
 
@@ -461,16 +474,10 @@ impl Reducer {
         a
     }
 
-    fn attributes(&self, budget: &Budget, measured: usize) -> BTreeMap<String, String> {
-        let o = &self.options;
-        let mut a = self.coat_attributes();
-        a.append(&mut self.sample_attributes());
-        let mut put = |k: &str, v: String| {
-            if !v.is_empty() {
-                a.insert(k.to_owned(), v);
-            }
-        };
-        put("common_relative_uncertainty", format!("{}", self.white.certificate_uncertainty));
+    /// Units, conventions, and by which calibrations.
+    fn calibration_attributes(&self) -> BTreeMap<String, String> {
+        let mut a = BTreeMap::new();
+        let mut put = |k: &str, v: String| a.insert(k.to_owned(), v);
         put("units", "1/sr, without the cosine".to_owned());
         put(
             "conventions",
@@ -484,6 +491,33 @@ impl Reducer {
             }
             .to_owned(),
         );
+        if let Some(r) = &self.map.description().radiometry {
+            put("radiometry_version", format!("{}", r.version));
+            put("radiometry_good", format!("{}", r.good));
+            if let Some(c) = &r.colour {
+                put("colour_matrix", format!("{:?}", c.matrix));
+                put("colour_delta_e_mean", format!("{:.3}", c.delta_e_mean));
+                put("colour_delta_e_max", format!("{:.3}", c.delta_e_max));
+            }
+        }
+        if let Some(record) = &self.map.description().calibration_record {
+            put("calibration_version", format!("{}", record.version));
+            put("calibration_good", format!("{}", record.good));
+        }
+        a
+    }
+
+    fn attributes(&self, budget: &Budget, measured: usize) -> BTreeMap<String, String> {
+        let o = &self.options;
+        let mut a = self.coat_attributes();
+        a.append(&mut self.sample_attributes());
+        a.append(&mut self.calibration_attributes());
+        let mut put = |k: &str, v: String| {
+            if !v.is_empty() {
+                a.insert(k.to_owned(), v);
+            }
+        };
+        put("common_relative_uncertainty", format!("{}", self.white.certificate_uncertainty));
         put("limit_deg", format!("{}", o.limit_deg));
         put("angle_uncertainty_deg", format!("{}", o.angle_uncertainty_deg));
         put("min_coverage", format!("{}", o.min_coverage));
@@ -506,19 +540,6 @@ impl Reducer {
             "degrees_of_freedom",
             if freedom.is_finite() { format!("{freedom:.0}") } else { "infinite".to_owned() },
         );
-        if let Some(r) = &self.map.description().radiometry {
-            put("radiometry_version", format!("{}", r.version));
-            put("radiometry_good", format!("{}", r.good));
-            if let Some(c) = &r.colour {
-                put("colour_matrix", format!("{:?}", c.matrix));
-                put("colour_delta_e_mean", format!("{:.3}", c.delta_e_mean));
-                put("colour_delta_e_max", format!("{:.3}", c.delta_e_max));
-            }
-        }
-        if let Some(record) = &self.map.description().calibration_record {
-            put("calibration_version", format!("{}", record.version));
-            put("calibration_good", format!("{}", record.good));
-        }
         a
     }
 }

@@ -53,6 +53,9 @@ pub struct WhiteReference {
     pub notes: Vec<String>,
     /// Relative standard uncertainty that stray light left, common to everything.
     pub stray_relative: f64,
+    /// Over κ of the camera's face, how much brighter the reference looks for its own light thrown back: what κ is uncertain by, its scale errs by. 0 where
+    /// no calibration tells κ.
+    pub own_light: f64,
     /// How each pose's light compares with that of all: the law of cos θi.
     pub law: Vec<LawPoint>,
 }
@@ -103,6 +106,8 @@ pub struct WhiteBuilder {
     returned: Option<(f64, Vec<Rgb>)>,
     /// Relative uncertainty that stray light leaves, pose by pose.
     stray_relative: Vec<f64>,
+    /// [`WhiteReference::own_light`] pose by pose.
+    own_light: Vec<f64>,
     law: Vec<(f64, Vec<(u32, f32)>)>,
     certificate: Certificate,
     notes: Vec<String>,
@@ -202,6 +207,7 @@ impl WhiteBuilder {
             returned: kappa.map(|k| (k, face::from_all_around(brdf.as_ref()))),
             stray,
             stray_relative: Vec::new(),
+            own_light: Vec::new(),
             law: Vec::new(),
             dark: DarkFrames::default().model(&sensor, pixels),
             sensor,
@@ -253,6 +259,9 @@ impl WhiteBuilder {
             .returned
             .as_ref()
             .map(|(k, r)| (face::onto_face(brdf.as_ref(), map, record.readback).map(|s| k * s * light.z), r));
+        if self.returned.is_some() {
+            self.own_light.push(face::own_light(brdf.as_ref(), map, record.readback));
+        }
         let expected_at = |p: usize| -> Option<f64> {
             let v = view.sample_from_lab.apply(map.direction(p));
             let channel = map.channel(p);
@@ -347,6 +356,7 @@ impl WhiteBuilder {
             notes,
             law,
             stray_relative,
+            own_light: self.own_light.iter().sum::<f64>() / self.own_light.len().max(1) as f64,
         })
     }
 

@@ -44,6 +44,7 @@ fn white(pixels: usize) -> WhiteReference {
         serial: String::new(),
         notes: Vec::new(),
         stray_relative: 0.0,
+        own_light: 0.0,
         law: Vec::new(),
     }
 }

@@ -3,15 +3,16 @@
 use std::collections::BTreeMap;
 
 use gonio_acquisition::{ClearCoat, Options, Reducer, Verdict};
+use gonio_brdf::Measured;
 use gonio_optics::{Angle, fresnel};
 use gonio_render::plots::{Chart, ChartPoint};
 use gonio_render::report::{Block, Fact, Figure, Section, plus_minus, significant};
 use serde_json::{Value, json};
 
 use crate::arguments::{ClearCoatName, CoatArguments};
-use crate::isotropy;
 use crate::outcome::Failure;
 use crate::results::Files;
+use crate::{colours, isotropy};
 
 const KIND: &str = "clear_coat";
 const INDEX: &str = "coat_index";
@@ -88,14 +89,21 @@ pub struct Told {
     pub json: Value,
     /// What turning the sample showed, as JSON.
     pub isotropy: Value,
+    /// What its colours are, as JSON.
+    pub colours: Value,
 }
 
 impl Told {
     /// What the poses of a reducer say.
     #[must_use]
-    pub fn of(reducer: &Reducer, files: &Files) -> Self {
-        let line = format!("{}\n{}", line(reducer), isotropy::line(reducer));
-        Self { line, json: to_json(reducer), isotropy: isotropy::to_json(reducer, files) }
+    pub fn of(reducer: &Reducer, table: &Measured, files: &Files) -> Self {
+        let colours = colours::line(&table.attributes);
+        Self {
+            line: format!("{}\n{}\n{colours}", line(reducer), isotropy::line(reducer)),
+            json: to_json(reducer),
+            isotropy: isotropy::to_json(reducer, files),
+            colours: colours::to_json(&table.attributes),
+        }
     }
 }
 

@@ -9,6 +9,7 @@ pub mod batch_inputs;
 pub mod candidates;
 pub mod closure;
 pub mod coat;
+pub mod colours;
 pub mod commands;
 pub mod continuing;
 pub mod control;

@@ -86,12 +86,18 @@ pub fn calibrate(
     let map = Arc::new(PixelMap::new(instrument));
     let mut builder = WhiteBuilder::new(map.clone(), &certificate, notes, &Options::default())
         .map_err(|e| in_session(&e))?;
-    let mut lost = Vec::new();
+    let (mut lost, mut dark) = (Vec::new(), false);
     for pose in session.poses() {
         match pose {
-            Ok(record) => builder.add_pose(&record).map_err(|e| in_session(&e))?,
+            Ok(record) => {
+                dark |= record.exposures.iter().any(|e| !e.shutter_open);
+                builder.add_pose(&record).map_err(|e| in_session(&e))?;
+            }
             Err(e) => lost.push(format!("white reference: {e}")),
         }
+    }
+    if !dark {
+        lost.push(format!("white reference: {NO_DARK}"));
     }
     let white = builder.finish().map_err(|e| in_session(&e))?;
     let others = references.iter().filter(|r| **r != path).cloned().collect();
@@ -161,7 +167,18 @@ pub fn reduce(
         return Err(Failure::Failed(format!("{}: no pose can be used: {why}", session.path().display())));
     }
     let table = reducer.finish();
+    lost.extend(without_dark(&table));
     Ok(Reduced { table, reducer, lost })
+}
+
+/// What is missing where no dark frame is.
+const NO_DARK: &str = "no dark frames could be read: the nominal black level stands for them, dark current is not taken off and hot pixels are not known; \
+                       record the session again";
+
+/// What a table says that was made without any dark frame.
+#[must_use]
+pub fn without_dark(table: &Measured) -> Option<String> {
+    (table.attributes.get("dark_frames").is_some_and(|n| n == "0")).then(|| NO_DARK.to_owned())
 }
 
 /// Adds a pose; one that cannot be used is named and left out.

@@ -196,17 +196,7 @@ fn background(story: &Story<'_>, table: &Measured) -> Background {
         sections.push(link_section(&link));
     }
     let mut notices = crate::closure::notices(story.closure);
-    let colours = table.attributes.get("colour_delta_e_mean").zip(table.attributes.get("colour_delta_e_max"));
-    notices.push(gonio_render::report::Notice {
-        weight: gonio_render::report::Weight::Note,
-        text: match colours {
-            Some((mean, max)) => format!(
-                "Colours went through the calibration's matrix: ΔE (CIEDE2000) left over its chart {mean} on average, {max} at most."
-            ),
-            None => "Not colorimetric: colours are those of the camera's channels; a chart in the radiometric calibration tells how far off they are."
-                .to_owned(),
-        },
-    });
+    notices.push(crate::colours::notice(&table.attributes));
     notices.extend(story.lost.iter().map(|l| gonio_render::report::Notice {
         weight: gonio_render::report::Weight::Warning,
         text: l.clone(),

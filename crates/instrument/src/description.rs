@@ -50,6 +50,13 @@ pub struct Description {
     pub radiometry: Option<crate::radiometry::Radiometry>,
 }
 
+/// What tells the kind of a file before anything else is asked of it.
+#[derive(Default, Deserialize)]
+struct Head {
+    format: Option<String>,
+    version: Option<u32>,
+}
+
 fn format_name() -> String {
     FORMAT.to_owned()
 }
@@ -238,18 +245,16 @@ impl Description {
     /// # Errors
     /// [`FileError`] with line and excerpt for syntax, or the field and what would be accepted.
     pub fn from_toml(text: &str) -> Result<Self, FileError> {
+        // another kind of file, or a newer one, has fields that this program does not know: say so, not which
+        let head: Head = toml::from_str(text).unwrap_or_default();
+        if head.format.as_deref().is_some_and(|f| f != FORMAT) {
+            return Err(FileError::Format { expected: FORMAT, found: head.format.unwrap_or_default() });
+        }
+        if let Some(found) = head.version.filter(|v| *v > VERSION) {
+            return Err(FileError::Version { what: "instrument description", found, known: VERSION });
+        }
         let d: Self = toml::from_str(text)
             .map_err(|e| FileError::Syntax { what: "instrument description", reason: e.to_string() })?;
-        if d.format != FORMAT {
-            return Err(FileError::Format { expected: FORMAT, found: d.format });
-        }
-        if d.version > VERSION {
-            return Err(FileError::Version {
-                what: "instrument description",
-                found: d.version,
-                known: VERSION,
-            });
-        }
         d.check()?;
         Ok(d)
     }

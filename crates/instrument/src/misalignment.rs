@@ -42,9 +42,18 @@ pub struct Misalignment {
     pub tilt_repeatability_deg: f64,
     /// Relative drift of the lamp over a plan.
     pub lamp_drift: f64,
+    /// Height of the sample's surface above F1, mm: a panel thicker than the one that the holder was set for. No calibration finds it; it is measured before
+    /// each scan.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub sample_height_mm: f64,
     /// Departures of sensor and light; no geometric calibration finds them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub radiometry: Option<crate::Imperfections>,
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref)] // as serde calls it
+fn is_zero(v: &f64) -> bool {
+    *v == 0.0
 }
 
 impl Misalignment {
@@ -55,7 +64,15 @@ impl Misalignment {
     pub fn from_toml(text: &str) -> Result<Self, FileError> {
         let m: Self = toml::from_str(text)
             .map_err(|e| FileError::Syntax { what: "misalignment file", reason: e.to_string() })?;
-        let scalars = [m.mirror_b_error_mm, m.focal_length_error, m.k1, m.k2, m.tilt_zero_deg, m.lamp_drift];
+        let scalars = [
+            m.mirror_b_error_mm,
+            m.focal_length_error,
+            m.k1,
+            m.k2,
+            m.tilt_zero_deg,
+            m.lamp_drift,
+            m.sample_height_mm,
+        ];
         if scalars.iter().chain(&m.mirror_shift_mm).chain(&m.camera_shift_mm).any(|v| !v.is_finite()) {
             return Err(FileError::value("misalignment", "a value that is not finite", "finite numbers"));
         }

@@ -165,7 +165,7 @@ pub struct StrayLight {
     /// Share of each point's light in its tail.
     pub tail_share: Known,
     /// Standard deviation of the narrowest of the tail's four Gaussians on the sensor, mm.
-    pub tail_radius_mm: f64,
+    pub tail_radius_mm: Known,
     /// κ of the camera's own face: f is seen larger by κ R(v) S, R and S integrals of f (docs/calibration.md), 1/sr.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub face: Option<Known>,
@@ -182,8 +182,8 @@ pub struct Haze {
     pub tiles: [u32; 2],
     /// Electrons per second at the nominal lamp; red, green, blue of each tile, row by row.
     pub rates_e_s: Vec<[f32; 3]>,
-    /// Standard uncertainty of a tile's rate, electrons per second.
-    pub sigma_e_s: f64,
+    /// Standard uncertainty of a tile's rate, red, green, blue, electrons per second.
+    pub sigma_e_s: [f64; 3],
 }
 
 /// A matrix from the camera's linear colours to linear Rec. 709 (D65), from a chart.

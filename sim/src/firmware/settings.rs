@@ -97,12 +97,14 @@ impl Settings {
         self
     }
 
-    /// The same with the errors of a real instrument that are the controller's: tilt zero, repeatability, lamp drift.
+    /// The same with the errors of a real instrument that are the controller's: tilt zero, repeatability, lamp drift, height of the
+    /// sample.
     #[must_use]
     pub fn with_misalignment(mut self, errors: &Misalignment) -> Settings {
         self.tilt_zero_deg = errors.tilt_zero_deg;
         self.tilt_repeatability_deg = errors.tilt_repeatability_deg;
         self.lamp_drift = errors.lamp_drift;
+        self.sample_height_mm = errors.sample_height_mm;
         self
     }
 

@@ -93,17 +93,28 @@ pub fn apply(matrix: &[[f64; 3]; 3], rgb: [f64; 3]) -> [f64; 3] {
     matrix.map(|r| r[0] * rgb[0] + r[1] * rgb[1] + r[2] * rgb[2])
 }
 
-/// Takes a table through the matrix: values, σ and its parts, bases. Channels err on their own; what errs alike in all of them comes out a little small.
-pub fn take_through(m: &mut Measured, matrix: &[[f64; 3]; 3]) {
-    let value = |v: &mut [f32; 3]| *v = apply(matrix, v.map(f64::from)).map(|x| x as f32);
+fn value(v: &mut [f32; 3], matrix: &[[f64; 3]; 3]) {
+    *v = apply(matrix, v.map(f64::from)).map(|x| x as f32);
+}
+
+/// Channels err on their own; what errs alike in all of them comes out a little small.
+fn sigma(v: &mut [f32; 3], matrix: &[[f64; 3]; 3]) {
     let squares = matrix.map(|r| r.map(|x| x * x));
-    let sigma =
-        |v: &mut [f32; 3]| *v = apply(&squares, v.map(|x| f64::from(x).powi(2))).map(|x| x.sqrt() as f32);
-    m.values.iter_mut().for_each(value);
-    m.sigma.iter_mut().for_each(sigma);
-    m.sigma_parts.values_mut().flatten().for_each(sigma);
-    m.base.iter_mut().flatten().for_each(value);
-    m.base_single_pass.iter_mut().flatten().for_each(value);
+    *v = apply(&squares, v.map(|x| f64::from(x).powi(2))).map(|x| x.sqrt() as f32);
+}
+
+/// Takes values and their σ through the matrix.
+pub fn take_cells_through(values: &mut [[f32; 3]], sigmas: &mut [[f32; 3]], matrix: &[[f64; 3]; 3]) {
+    values.iter_mut().for_each(|v| value(v, matrix));
+    sigmas.iter_mut().for_each(|v| sigma(v, matrix));
+}
+
+/// Takes a table through the matrix: values, σ and its parts, bases.
+pub fn take_through(m: &mut Measured, matrix: &[[f64; 3]; 3]) {
+    take_cells_through(&mut m.values, &mut m.sigma, matrix);
+    m.sigma_parts.values_mut().flatten().for_each(|v| sigma(v, matrix));
+    m.base.iter_mut().flatten().for_each(|v| value(v, matrix));
+    m.base_single_pass.iter_mut().flatten().for_each(|v| value(v, matrix));
 }
 
 fn lab([l, a, b]: [f64; 3]) -> colour::Lab {

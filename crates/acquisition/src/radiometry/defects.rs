@@ -54,7 +54,10 @@ pub fn find(signal: &[f32], map: &PixelMap, noise: impl Fn(usize) -> f64) -> Res
         let off = flat[p] / level - 1.0;
         if !(DEAD[0] - 1.0..=DEAD[1] - 1.0).contains(&off) {
             dead.push(p as u32);
-        } else if off.abs() < USUAL && around.len() == 8 {
+        } else if off.abs() < USUAL
+            && around.len() == 8
+            && around.iter().all(|v| (v / level - 1.0).abs() < USUAL)
+        {
             let mean = around.iter().sum::<f64>() / 8.0;
             departures.push((flat[p] / mean - 1.0).abs());
             shaken += noise(p);

@@ -56,6 +56,15 @@ pub fn from_all_around(brdf: &dyn Brdf) -> Vec<Rgb> {
         .collect()
 }
 
+/// R S/f of a BRDF seen along the normal at a pose, green: over κ, how much brighter it looks for its own light thrown back.
+#[must_use]
+pub fn own_light(brdf: &dyn Brdf, map: &PixelMap, pose: Pose) -> f64 {
+    let light = Vec3::from_polar(map.frame(pose).1, Angle::ZERO);
+    let back = over_hemisphere(|w| brdf.eval(w, Vec3::Z).map(|f| f * w.z));
+    let f = brdf.eval(light, Vec3::Z)[1];
+    if f > 0.0 { onto_face(brdf, map, pose)[1] * back[1] / f } else { 0.0 }
+}
+
 /// R between its steps.
 #[must_use]
 pub fn at_view(r: &[Rgb], cos_view: f64) -> Rgb {
@@ -148,7 +157,7 @@ fn integrals(table: &Measured, map: &PixelMap, ti: usize, gloss_index: Option<f6
 }
 
 /// Linear between the nearest known rows, level beyond them.
-fn between(known: &[(f64, Rgb)], deg: f64) -> Option<Rgb> {
+pub(super) fn between(known: &[(f64, Rgb)], deg: f64) -> Option<Rgb> {
     let above = known.partition_point(|k| k.0 < deg);
     match (above.checked_sub(1).map(|k| known[k]), known.get(above)) {
         (Some(a), Some(b)) => {

@@ -1,5 +1,6 @@
 //! Black glass against Fresnel's reflectance: the scale of a gloss, and the lamp's profile across its mirror image.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use gonio_instrument::PoseRecord;
@@ -76,13 +77,18 @@ impl GlossSeries {
         if self.points.is_empty() {
             return None;
         }
-        // an error of its own for each pose: pixels of the white reference, edges
-        let weight = |p: &(Angle, f64, f64)| 1.0 / p.2.hypot(2e-3 * p.1).powi(2);
+        let weight = |p: &(Angle, f64, f64)| p.2.powi(2).recip();
         let total: f64 = self.points.iter().map(weight).sum();
         let scale = self.points.iter().map(|p| weight(p) * p.1).sum::<f64>() / total;
-        let freedom = (self.points.len() as f64 - 1.0).max(1.0);
-        let chi2 = self.points.iter().map(|p| weight(p) * (p.1 - scale).powi(2)).sum::<f64>() / freedom;
-        let sigma = (chi2.max(1.0) / total).sqrt().hypot(common * scale);
+        // poses of one tilt show the gloss in the same pixels, whose white reference errs alike: tilts scatter on their own
+        let mut tilts: BTreeMap<i64, f64> = BTreeMap::new();
+        for p in &self.points {
+            *tilts.entry((p.0.degrees() * 1e2).round() as i64).or_default() += weight(p) * (p.1 - scale);
+        }
+        let n = tilts.len() as f64;
+        let between =
+            tilts.values().map(|s| s * s).sum::<f64>().sqrt() / total * (n / (n - 1.0).max(1.0)).sqrt();
+        let sigma = between.max(total.sqrt().recip()).hypot(common * scale);
         let profile: Vec<[f64; 2]> =
             self.profile.iter().filter(|b| b[0] >= 4.0).map(|b| [b[1] / b[0], b[2] / b[0]]).collect();
         Some(GlossScale {

@@ -3,7 +3,7 @@
 //! With x the counts above black over the range, d the same in the dark, T exposure times lamp and r a pixel's rate, the linearisation
 //! `y(x) = x + c2 x² + c3 x³` is the one for which `y(x) − y(d) = r T` at every exposure. Pixels of one colour and like étendue are taken together
 //! (their noise averages out, and grouping by what the lens does is blind to noise). The rates are eliminated group by group; what is left is
-//! linear in c2, c3. Lamp and shutter err alike in all pixels of an exposure, so the covariance is that of exposures, not of pixels (a sandwich).
+//! linear in c2, c3. Lamp and shutter err alike in all pixels of an exposure, so the covariance is that of exposures, not of pixels (a jackknife).
 
 use nalgebra::{Matrix2, Vector2};
 
@@ -39,6 +39,19 @@ impl Linearity {
     pub fn apply(&self, x: f64) -> f64 {
         let [a, b, c] = self.coefficients;
         x * (a + x * (b + x * c))
+    }
+
+    /// Standard uncertainty, by that of c2 and c3, of what changes with them by `by`.
+    #[must_use]
+    pub fn along(&self, [p, q]: [f64; 2]) -> f64 {
+        let [[a, b], [_, c]] = self.covariance;
+        (p * p * a + 2.0 * p * q * b + q * q * c).max(0.0).sqrt()
+    }
+
+    /// Relative uncertainty of light at the middle of the range against faint light: most exposures that count are about there.
+    #[must_use]
+    pub fn bend(&self) -> f64 {
+        self.along([0.5, 0.25])
     }
 
     /// dy/dx.
@@ -133,30 +146,35 @@ fn projected(rows: &[Row], value: impl Fn(&Row) -> f64) -> Vec<f64> {
     rows.iter().map(|r| value(r) - r.light * tv / tt).collect()
 }
 
-fn solve(groups: &[Vec<Row>], exposures: usize) -> ([f64; 3], [[f64; 2]; 2]) {
+/// c2 and c3, without one of the exposures where one is named; `None` where the rest does not tell them.
+fn coefficients(groups: &[Vec<Row>], without: Option<usize>) -> Option<Vector2<f64>> {
     let (mut n, mut b) = (Matrix2::<f64>::zeros(), Vector2::<f64>::zeros());
-    let columns: Vec<[Vec<f64>; 3]> =
-        groups.iter().map(|rows| [0, 1, 2].map(|j| projected(rows, |r| r.powers[j]))).collect();
-    for (rows, [x, q, c]) in groups.iter().zip(&columns) {
+    for rows in groups {
+        let rows: Vec<Row> = rows.iter().filter(|r| Some(r.exposure) != without).copied().collect();
+        if rows.len() < 3 {
+            continue;
+        }
+        let [x, q, c] = [0, 1, 2].map(|j| projected(&rows, |r| r.powers[j]));
         for (k, r) in rows.iter().enumerate() {
             let v = Vector2::new(q[k], c[k]);
             n += v * v.transpose() * r.weight;
             b -= v * (r.weight * x[k]);
         }
     }
-    let inverse = n.try_inverse().unwrap_or_else(Matrix2::zeros);
-    let found = inverse * b;
-    let mut scores = vec![Vector2::<f64>::zeros(); exposures];
-    for (rows, [x, q, c]) in groups.iter().zip(&columns) {
-        for (k, r) in rows.iter().enumerate() {
-            let residual = x[k] + found[0] * q[k] + found[1] * c[k];
-            scores[r.exposure] += Vector2::new(q[k], c[k]) * (r.weight * residual);
-        }
-    }
-    let used = scores.iter().filter(|s| s.norm() > 0.0).count();
-    let meat = scores.iter().fold(Matrix2::zeros(), |m: Matrix2<f64>, s| m + s * s.transpose());
-    let few = used as f64 / (used as f64 - 3.0).max(1.0);
-    let covariance = inverse * meat * inverse * few;
+    Some(n.try_inverse()? * b)
+}
+
+/// Coefficients and their covariance, by leaving out one exposure after the other: of so few exposures a sandwich would tell too little.
+fn solve(groups: &[Vec<Row>], exposures: usize) -> ([f64; 3], [[f64; 2]; 2]) {
+    let found = coefficients(groups, None).unwrap_or_else(Vector2::zeros);
+    let seen = |k: &usize| groups.iter().flatten().any(|r| r.exposure == *k);
+    let without: Vec<Vector2<f64>> =
+        (0..exposures).filter(seen).filter_map(|k| coefficients(groups, Some(k))).collect();
+    let n = without.len() as f64;
+    let mean = without.iter().fold(Vector2::zeros(), |s: Vector2<f64>, v| s + v) / n.max(1.0);
+    let spread =
+        without.iter().map(|v| v - mean).fold(Matrix2::zeros(), |m: Matrix2<f64>, v| m + v * v.transpose());
+    let covariance = spread * ((n - 1.0) / n.max(1.0));
     (
         [1.0, found[0], found[1]],
         [[covariance[(0, 0)], covariance[(0, 1)]], [covariance[(1, 0)], covariance[(1, 1)]]],

@@ -36,6 +36,10 @@ pub struct Point {
 pub struct PhotonTransfer {
     /// Electrons per count, red, green, blue.
     pub electrons_per_count: [Known; 3],
+    /// Their mean; the linearisation's error is common to the three.
+    pub mean: Known,
+    /// Change of ln(electrons per count) with c2 and c3 of the linearisation.
+    pub by_bend: [f64; 2],
     /// Read noise without rounding, electrons.
     pub read_noise_e: Known,
     /// The curve.
@@ -88,23 +92,31 @@ pub fn find(
     let read2_sigma =
         (read.iter().map(|r| (r.1 * (r.0 + ROUNDING)).powi(2)).sum::<f64>()).sqrt() / read.len() as f64;
     let mut gain = [Known::default(); 3];
-    let (mut chi2, mut freedom) = (0.0, 0.0);
+    let (mut chi2, mut freedom, mut own2, mut by_bend) = (0.0, 0.0, 0.0, [0.0; 2]);
     for (channel, gain) in gain.iter_mut().enumerate() {
         let own: Vec<&Point> = points.iter().filter(|p| p.channel == channel).collect();
         let fit = slope(&own, read2, read2_sigma)?;
-        // an error of the linearisation at the middle of the range is one of the gain's scale
-        let bend = 2.0 * 0.5 * linearity.covariance[0][0].max(0.0).sqrt();
-        *gain = Known::new(1.0 / fit.slope, (fit.sigma / fit.slope).hypot(bend) / fit.slope);
+        // y' = 1 + 2 c2 x + 3 c3 x² stands squared in a variance, y = x + c2 x² + c3 x³ in the signal
+        let by = [1, 2].map(|k| {
+            let power = |p: &Point| (p.signal.max(0.0) / range).powi(k);
+            -f64::from(2 * k + 1) * own.iter().zip(&fit.weights).map(|(p, w)| w * power(p)).sum::<f64>()
+        });
+        let relative = fit.sigma / fit.slope;
+        *gain = Known::new(1.0 / fit.slope, relative.hypot(linearity.along(by)) / fit.slope);
+        (0..2).for_each(|k| by_bend[k] += by[k] / 3.0);
+        own2 += relative * relative;
         chi2 += fit.chi2;
         freedom += own.len() as f64 - 1.0;
     }
     let mean_gain = gain.iter().map(|g| g.value).sum::<f64>() / 3.0;
-    let relative = (gain.iter().map(|g| (g.sigma / g.value).powi(2)).sum::<f64>() / 9.0).sqrt();
+    let relative = (own2 / 9.0).sqrt().hypot(linearity.along(by_bend));
     let read_counts = read2.sqrt();
     let read_sigma = if read_counts > 0.0 { 0.5 * read2_sigma / read_counts } else { read2_sigma.sqrt() };
     let read_noise = read_counts * mean_gain;
     Some(PhotonTransfer {
         electrons_per_count: gain,
+        mean: Known::new(mean_gain, mean_gain * relative),
+        by_bend,
         read_noise_e: Known::new(read_noise, (read_sigma * mean_gain).hypot(read_noise * relative)),
         points,
         reduced_chi2: chi2 / f64::max(freedom, 1.0),
@@ -161,6 +173,8 @@ struct Line {
     slope: f64,
     sigma: f64,
     chi2: f64,
+    /// What each point counts for in ln(slope); they sum to one.
+    weights: Vec<f64>,
 }
 
 /// 1/g through the read noise known from the dark, weights from the line itself.
@@ -190,5 +204,9 @@ fn slope(points: &[&Point], read2: f64, read2_sigma: f64) -> Option<Line> {
         .map(|p| ((p.variance - model(p, slope)) / (p.relative * (model(p, slope) + ROUNDING))).powi(2))
         .sum();
     let widened = (chi2 / (points.len() as f64 - 1.0)).max(1.0);
-    Some(Line { slope, sigma: (widened / information).sqrt().hypot(pull * read2_sigma), chi2 })
+    let weights = points
+        .iter()
+        .map(|p| (p.signal / (p.relative * (model(p, slope) + ROUNDING))).powi(2) / information)
+        .collect();
+    Some(Line { slope, sigma: (widened / information).sqrt().hypot(pull * read2_sigma), chi2, weights })
 }

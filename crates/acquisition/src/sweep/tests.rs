@@ -53,6 +53,7 @@ impl Bench {
             notes: Vec::new(),
             law: Vec::new(),
             stray_relative: 0.0,
+            own_light: 0.0,
         };
         let pose = Pose::from_degrees(tilt_deg, 0.0);
         let view = map.view(pose);

@@ -21,12 +21,9 @@ pub enum Calibration {
     Radiometry(RadiometryArguments),
 }
 
-/// `gonio calibrate radiometry`.
+/// What the calibrations ask alike.
 #[derive(Debug, Args)]
-pub struct RadiometryArguments {
-    /// Sessions: --kind flat (needed), dark, white, black-glass, black, trap; dark ones at several temperatures tell how the dark current doubles
-    #[arg(required = true)]
-    pub sessions: Vec<PathBuf>,
+pub struct CommonArguments {
     /// The description to write, with the calibration in it; a file that exists is never overwritten
     #[arg(short, long)]
     pub output: PathBuf,
@@ -36,6 +33,17 @@ pub struct RadiometryArguments {
     /// Refractive index of the black glass
     #[arg(long, default_value_t = 1.567)]
     pub index: f64,
+}
+
+/// `gonio calibrate radiometry`.
+#[derive(Debug, Args)]
+pub struct RadiometryArguments {
+    /// Sessions: --kind flat (needed), dark, white, black-glass, black, trap; dark ones at several temperatures tell how the dark current doubles
+    #[arg(required = true)]
+    pub sessions: Vec<PathBuf>,
+    /// What every calibration asks
+    #[command(flatten)]
+    pub common: CommonArguments,
     /// Colour chart, TOML (docs/calibration.md): patches with their Lab and the tables measured of them
     #[arg(long)]
     pub chart: Option<PathBuf>,
@@ -50,18 +58,12 @@ pub struct GeometryArguments {
     /// Sessions: --kind black-glass and black-glass-wedge, and white ones for the mirror's rim and openings
     #[arg(required = true)]
     pub sessions: Vec<PathBuf>,
-    /// The description to write, with the calibration in it; a file that exists is never overwritten
-    #[arg(short, long)]
-    pub output: PathBuf,
-    /// The description to calibrate in place of that of the sessions: TOML, or `reference` / `tiny`
-    #[arg(long)]
-    pub instrument: Option<String>,
+    /// What every calibration asks
+    #[command(flatten)]
+    pub common: CommonArguments,
     /// Standard deviation of a tilt or spin about what the encoders say, degrees
     #[arg(long, default_value_t = 0.01)]
     pub repeatability_deg: f64,
-    /// Refractive index of the black glass
-    #[arg(long, default_value_t = 1.567)]
-    pub index: f64,
     /// Picture of the spots with their residuals; by default beside the output, ending in .spots.png
     #[arg(long)]
     pub picture: Option<PathBuf>,

@@ -28,6 +28,10 @@ pub fn run(a: &CalibrateArguments, printer: Printer) -> Result<Outcome, Failure>
     }
 }
 
+/// Share of the observations from which on throwing them out is no cleaning up.
+const MOST_REJECTED: f64 = 0.2;
+/// χ² over degrees of freedom beyond which a fit does not explain what was seen.
+const MOST_CHI2: f64 = 4.0;
 /// Channels are taken as equally sensitive within this, relative.
 const EQUAL_CHANNELS: f64 = 0.02;
 
@@ -41,6 +45,10 @@ pub struct Calibrated {
     pub verdict: Verdict,
     /// Poses without a usable spot, in words.
     pub without_spot: Vec<String>,
+    /// Poses whose mirror image of the lamp lies outside the picture.
+    pub outside: usize,
+    /// Why the fit is not to be trusted though it ended, in words.
+    pub doubts: Vec<String>,
     /// Poses that could not be read.
     pub lost: Vec<String>,
 }
@@ -50,24 +58,28 @@ pub struct Calibrated {
 /// # Errors
 /// [`Failure::Usage`] for sessions that cannot serve; [`Failure::Failed`] where the fit cannot begin.
 pub fn geometry(a: &GeometryArguments, printer: Printer) -> Result<Outcome, Failure> {
-    let picture = a.picture.clone().unwrap_or_else(|| beside(&a.output, "spots.png"));
+    let picture = a.picture.clone().unwrap_or_else(|| beside(&a.common.output, "spots.png"));
     let inputs: Vec<&Path> = a.sessions.iter().map(PathBuf::as_path).collect();
-    check_apart(&a.output, &inputs)?;
-    for path in [&a.output, &picture] {
+    check_apart(&a.common.output, &inputs)?;
+    for path in [&a.common.output, &picture] {
         check_new(path)?;
     }
     let c = calibrate(a)?;
     let text =
         c.description.to_toml().map_err(|e| Failure::failed("the description cannot be written", e))?;
-    write_whole(&a.output, text.as_bytes())?;
+    write_whole(&a.common.output, text.as_bytes())?;
     write_whole(&picture, &draw(&c).to_png().map_err(|e| Failure::failed("the picture cannot be made", e))?)?;
-    printer.result(&words(&c, &a.output, &picture), &to_json(&c, &a.output, &picture));
+    printer.result(&words(&c, &a.common.output, &picture), &to_json(&c, &a.common.output, &picture));
     let mut loss = c.lost.clone();
     if !c.verdict.good {
+        let why = match (c.solution.converged, c.doubts.is_empty()) {
+            (false, _) => "the fit did not converge".to_owned(),
+            (true, true) => "the poses do not determine them".to_owned(),
+            (true, false) => c.doubts.join(", "),
+        };
         loss.push(format!(
-            "the calibration is marked as not good: directions are uncertain by {:.3}° (θo, root mean square), {}",
+            "the calibration is marked as not good: directions are uncertain by {:.3}° (θo, root mean square), {why}",
             c.verdict.after.rms_deg[1],
-            if c.solution.converged { "the poses do not determine them" } else { "the fit did not converge" }
         ));
     }
     if loss.is_empty() { Ok(Outcome::Done) } else { Ok(Outcome::WithLoss(loss.join("; "))) }
@@ -115,7 +127,7 @@ pub fn calibrate(a: &GeometryArguments) -> Result<Calibrated, Failure> {
         recorded.get_or_insert_with(|| (path.clone(), instrument));
         sessions.push((path.clone(), kind, session));
     }
-    let description = match (&a.instrument, recorded) {
+    let description = match (&a.common.instrument, recorded) {
         (Some(name), _) => rig::instrument(name)?,
         (None, Some((_, d))) => d,
         (None, None) => return Err(Failure::usage("no session was given")),
@@ -125,10 +137,19 @@ pub fn calibrate(a: &GeometryArguments) -> Result<Calibrated, Failure> {
         spin_repeatability_deg: a.repeatability_deg,
         ..Settings::default()
     };
-    let failed = |e: geometry::CalibrationError| Failure::Failed(e.to_string());
     let mut lost = Vec::new();
     let map = Arc::new(PixelMap::new(&description));
-    let (first, mut without_spot) = find_spots(&sessions, &map, a.index, [1.0; 3], &mut lost)?;
+    let (first, mut without_spot, outside) =
+        find_spots(&sessions, &map, a.common.index, [1.0; 3], &mut lost)?;
+    let failed = |e: geometry::CalibrationError| {
+        let seen = match outside {
+            0 => String::new(),
+            n => format!(
+                "; of {n} poses the lamp's mirror image lies outside the picture or is too dark to be seen"
+            ),
+        };
+        Failure::Failed(format!("{e}{seen}"))
+    };
     let mut problem = Problem { description: description.clone(), spots: first, edges: Vec::new() };
     let mut solution = geometry::solve(&problem, &settings).map_err(failed)?;
     // with the optics found edges are near enough to be sought; spots are fitted again where the channels' sensitivities differ
@@ -137,7 +158,8 @@ pub fn calibrate(a: &GeometryArguments) -> Result<Calibrated, Failure> {
     let map = Arc::new(PixelMap::new(&found));
     let gains = spots::channel_gains(&problem.spots);
     if gains.iter().any(|g| (g - 1.0).abs() > EQUAL_CHANNELS) {
-        (problem.spots, without_spot) = find_spots(&sessions, &map, a.index, gains, &mut Vec::new())?;
+        (problem.spots, without_spot, _) =
+            find_spots(&sessions, &map, a.common.index, gains, &mut Vec::new())?;
     }
     problem.edges = find_edges(&sessions, &map, &mut lost)?;
     problem.description.calibration = found.calibration;
@@ -150,10 +172,28 @@ pub fn calibrate(a: &GeometryArguments) -> Result<Calibrated, Failure> {
         problem.description.calibration = found.calibration;
         solution = geometry::solve(&problem, &settings).map_err(failed)?;
     }
-    let verdict = geometry::verdict::judge(&description, &solution, &settings);
+    let mut verdict = geometry::verdict::judge(&description, &solution, &settings);
+    let doubts = doubts(&solution);
+    verdict.good &= doubts.is_empty();
     let names = a.sessions.iter().map(|p| file_name(p)).collect();
     let description = geometry::record::calibrated(&description, &solution, &verdict, &settings, names);
-    Ok(Calibrated { description, solution, verdict, without_spot, lost })
+    Ok(Calibrated { description, solution, verdict, without_spot, outside, doubts, lost })
+}
+
+/// What speaks against a fit that ended: that it explains but a part of what was seen, or that with larger errors than it counts with.
+fn doubts(s: &Solution) -> Vec<String> {
+    let (all, thrown) = (s.residuals.len(), s.rejected().count());
+    let mut out = Vec::new();
+    if (thrown as f64) > MOST_REJECTED * all as f64 {
+        out.push(format!("{thrown} of {all} observations had to be thrown out"));
+    }
+    if s.reduced_chi2 > MOST_CHI2 {
+        out.push(format!(
+            "what is left of the others is {:.1} times what they are uncertain by",
+            s.reduced_chi2.sqrt()
+        ));
+    }
+    out
 }
 
 pub(super) fn file_name(path: &Path) -> String {
@@ -162,14 +202,15 @@ pub(super) fn file_name(path: &Path) -> String {
 
 type Opened = (PathBuf, ScanKind, Session);
 
+/// Spots, poses without a usable one in words, and how many show none at all.
 fn find_spots(
     sessions: &[Opened],
     map: &Arc<PixelMap>,
     index: f64,
     gains: [f64; 3],
     lost: &mut Vec<String>,
-) -> Result<(Vec<Spot>, Vec<String>), Failure> {
-    let (mut found, mut without) = (Vec::new(), Vec::new());
+) -> Result<(Vec<Spot>, Vec<String>, usize), Failure> {
+    let (mut found, mut without, mut outside) = (Vec::new(), Vec::new(), 0);
     for (path, kind, session) in sessions.iter().filter(|s| s.1 != ScanKind::White) {
         let bar = progress::bar(&file_name(path), session.pose_indices().count() as u64);
         let mut finder = SpotFinder::new(map.clone(), &Options::default(), index, gains);
@@ -186,14 +227,14 @@ fn find_spots(
             match finder.find(&record, *kind, &name) {
                 Ok(Ok(spot)) => found.push(spot),
                 // a mirror image outside the picture was to be expected
-                Ok(Err(NoSpot::Dark)) => {}
+                Ok(Err(NoSpot::Dark)) => outside += 1,
                 Ok(Err(e)) => without.push(format!("{name}: {e}")),
                 Err(e) => return Err(Failure::usage(format!("{}: {e}", path.display()))),
             }
         }
         bar.finish_and_clear();
     }
-    Ok((found, without))
+    Ok((found, without, outside))
 }
 
 fn find_edges(
@@ -275,6 +316,12 @@ fn words(c: &Calibrated, output: &Path, picture: &Path) -> String {
     for w in &c.without_spot {
         text += &format!("not used: {w}\n");
     }
+    if c.outside > 0 {
+        text += &format!("no spot in the picture: {} poses\n", c.outside);
+    }
+    for d in &c.doubts {
+        text += &format!("not good: {d}\n");
+    }
     for u in &c.verdict.undetermined {
         text += &format!("undetermined: {} (up to {:.3}° in directions)", u.words, u.effect_deg);
         text += &match u.poses.is_empty() {
@@ -299,7 +346,8 @@ fn to_json(c: &Calibrated, output: &Path, picture: &Path) -> Value {
         "converged": s.converged, "iterations": s.iterations, "spot_rms_px": s.rms_px, "reduced_chi2": s.reduced_chi2,
         "spots": s.residuals.iter().filter(|r| !r.edge && !r.rejected).count(),
         "edges": s.residuals.iter().filter(|r| r.edge && !r.rejected).count(),
-        "rejected": s.rejected().map(residual).collect::<Vec<_>>(), "not_used": c.without_spot, "lost": c.lost,
+        "rejected": s.rejected().map(residual).collect::<Vec<_>>(), "not_used": c.without_spot, "outside": c.outside, "doubts": c.doubts,
+        "lost": c.lost,
         "parameters": PARAMETERS.iter().enumerate().map(|(k, p)| json!({
             "name": p.name, "value": s.row[k], "sigma": s.sigma(k), "unit": p.unit,
         })).collect::<Vec<_>>(),

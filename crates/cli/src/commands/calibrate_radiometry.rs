@@ -71,9 +71,9 @@ const fn ninety() -> f64 {
 /// [`Failure::Usage`] for sessions that cannot serve; [`Failure::Failed`] where what they show cannot be a camera's.
 pub fn run(a: &RadiometryArguments, printer: Printer) -> Result<Outcome, Failure> {
     let inputs: Vec<&Path> = a.sessions.iter().map(PathBuf::as_path).collect();
-    check_apart(&a.output, &inputs)?;
-    check_new(&a.output)?;
-    let pictures = PICTURES.map(|p| beside(&a.output, p));
+    check_apart(&a.common.output, &inputs)?;
+    check_new(&a.common.output)?;
+    let pictures = PICTURES.map(|p| beside(&a.common.output, p));
     pictures.iter().try_for_each(|p| check_new(p))?;
     let (description, opened) = open(a)?;
     let colour = a.chart.as_deref().map(correction).transpose()?;
@@ -91,12 +91,13 @@ pub fn run(a: &RadiometryArguments, printer: Printer) -> Result<Outcome, Failure
             poses: Box::new(|| Box::new(o.session.poses().flatten())),
         })
         .collect();
-    let mut c = radiometry::calibrate(&description, &sessions, &Settings { index: a.index }).map_err(
-        |e| match e {
-            RadiometryError::NoGain { .. } => Failure::Failed(e.to_string()),
-            _ => Failure::usage(e),
-        },
-    )?;
+    let mut c =
+        radiometry::calibrate(&description, &sessions, &Settings { index: a.common.index }).map_err(|e| {
+            match e {
+                RadiometryError::NoGain { .. } => Failure::Failed(e.to_string()),
+                _ => Failure::usage(e),
+            }
+        })?;
     let r = c.description.radiometry.get_or_insert_default();
     if colour.is_none() {
         r.notes.push(
@@ -107,7 +108,7 @@ pub fn run(a: &RadiometryArguments, printer: Printer) -> Result<Outcome, Failure
     let drawn = told::pictures(&c);
     let text =
         c.description.to_toml().map_err(|e| Failure::failed("the description cannot be written", e))?;
-    write_whole(&a.output, text.as_bytes())?;
+    write_whole(&a.common.output, text.as_bytes())?;
     let mut written = Vec::new();
     for (path, picture) in pictures.iter().zip(drawn) {
         let Some(picture) = picture else { continue };
@@ -125,7 +126,10 @@ fn finish(
     printer: Printer,
 ) -> Result<Outcome, Failure> {
     let r = c.radiometry();
-    printer.result(&told::words(&r, c, &a.output), &told::to_json(&r, c, &a.output, pictures, &lost));
+    printer.result(
+        &told::words(&r, c, &a.common.output),
+        &told::to_json(&r, c, &a.common.output, pictures, &lost),
+    );
     if !r.good {
         lost.push("the calibration is marked as not good; its notes say why".to_owned());
     }
@@ -167,7 +171,7 @@ fn open(a: &RadiometryArguments) -> Result<(Description, Vec<Opened>), Failure> 
         };
         opened.push(Opened { path: path.clone(), kind, certificate, notes, session });
     }
-    let description = match (&a.instrument, recorded) {
+    let description = match (&a.common.instrument, recorded) {
         (Some(name), Some((path, d))) => {
             let named = rig::instrument(name)?;
             if named.camera.size != d.camera.size || named.camera.bits != d.camera.bits {

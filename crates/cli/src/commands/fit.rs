@@ -13,6 +13,7 @@ use super::fit_batch;
 use crate::arguments::{FitArguments, MethodName, WeightsName};
 use crate::batch_inputs;
 use crate::candidates;
+use crate::colours;
 use crate::exporting;
 use crate::fitting::{self, Subject};
 use crate::opening;
@@ -272,7 +273,11 @@ fn single(a: &FitArguments, input: &str, printer: Printer) -> Result<Outcome, Fa
     if let Some(path) = &a.report {
         let title = Path::new(input).file_name().unwrap_or_default().to_string_lossy().into_owned();
         let sections = fitted.chosen.iter().map(candidates::section).collect();
-        let background = Background { title, sections, ..Background::default() };
+        // a table of a scan says what its colours are; one from elsewhere does not
+        let table = fitted.subject.table.as_ref();
+        let scanned = table.filter(|t| t.attributes.contains_key("sample_kind"));
+        let notices = scanned.map(|t| colours::notice(&t.attributes)).into_iter().collect();
+        let background = Background { title, sections, notices, ..Background::default() };
         report::save(
             &report::build(fitted.subject.table.as_ref(), Some(&fitted.fit), background),
             path,

@@ -152,15 +152,15 @@ pub(super) fn words(r: &Radiometry, c: &Calibrated, output: &Path) -> String {
     }
     if let Some(s) = &r.stray {
         t += &format!(
-            "stray light: glare {} %, tails {} % from {:.3} mm on, κ of the camera's face {}, haze {}\n",
+            "stray light: glare {} %, tails {} % from {} mm on, κ of the camera's face {}, haze {}\n",
             known(percent(s.glare), 3),
             known(percent(s.tail_share), 3),
-            s.tail_radius_mm,
+            known(s.tail_radius_mm, 4),
             s.face.map_or("unknown".to_owned(), |k| known(k, 5)),
             s.haze.as_ref().map_or("unknown".to_owned(), |h| {
                 let mean = h.rates_e_s.iter().map(|v| f64::from(v[1])).sum::<f64>()
                     / h.rates_e_s.len().max(1) as f64;
-                format!("{mean:.2} ± {:.2} e/s", h.sigma_e_s)
+                format!("{mean:.2} ± {:.2} e/s", h.sigma_e_s[1])
             })
         );
     }

@@ -10,7 +10,7 @@ use crate::arguments::ReplayArguments;
 use crate::outcome::{Failure, Outcome};
 use crate::output::{Printer, check_apart, check_free, shown};
 use crate::results::{self, Files, Story};
-use crate::{closure, coat, fitting, isotropy, progress, reduction, rig, textures};
+use crate::{closure, coat, colours, fitting, isotropy, progress, reduction, rig, textures};
 
 /// Reduces a session with the same code as a live scan: the same settings give the same bytes.
 ///
@@ -49,13 +49,14 @@ pub fn run(a: &ReplayArguments, printer: Printer) -> Result<Outcome, Failure> {
     let again = closure::remounted(&a.remount, &calibrated, &options)?;
     let checks = closure::checks(&reduced.table, &reduced.reducer, &calibrated, &again);
     let mut text = format!(
-        "{} of {} poses, reference {}; written to {}\n{}\n{}\n",
+        "{} of {} poses, reference {}; written to {}\n{}\n{}\n{}\n",
         reduced.reducer.statistics().len(),
         session.pose_indices().count(),
         calibrated.session.display(),
         a.output.display(),
         coat::line(&reduced.reducer),
         isotropy::line(&reduced.reducer),
+        colours::line(&reduced.table.attributes),
     );
     text += &closure::lines(&checks);
     let mut fitted = None;
@@ -86,7 +87,7 @@ pub fn run(a: &ReplayArguments, printer: Printer) -> Result<Outcome, Failure> {
             "session": shown(&a.session), "output": shown(&a.output), "poses": reduced.reducer.statistics(), "lost": reduced.lost,
             "reference": shown(&calibrated.session), "coat": coat::to_json(&reduced.reducer),
             "isotropy": isotropy::to_json(&reduced.reducer, &files), "fit": fitted,
-            "closure": closure::to_json(&checks),
+            "closure": closure::to_json(&checks), "colours": colours::to_json(&reduced.table.attributes),
         }),
     );
     if reduced.lost.is_empty() { Ok(Outcome::Done) } else { Ok(Outcome::WithLoss(reduced.lost.join("; "))) }

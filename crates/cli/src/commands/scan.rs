@@ -107,6 +107,7 @@ pub fn run(a: &ScanArguments, printer: Printer) -> Result<Outcome, Failure> {
             "complete": matches!(verdict, Ok(Outcome::Done)),
             "coat": scanned.coat.as_ref().map(|c| &c.json),
             "isotropy": scanned.coat.as_ref().map(|c| &c.isotropy),
+            "colours": scanned.coat.as_ref().map(|c| &c.colours),
             "fit": scanned.fit.as_ref().map(Fit::to_json),
             "closure": closure::to_json(&scanned.closure),
             "files": scanned.files.as_ref().map(Files::to_json),
@@ -342,7 +343,9 @@ fn conclude(
         lost = reduced.lost;
         reduced.table
     } else {
-        reducer.finish()
+        let table = reducer.finish();
+        lost.extend(reduction::without_dark(&table));
+        table
     };
     let fit = results::fit(&table, model)?;
     let checks = closure::checks(&table, &reducer, calibrated, &[]);
@@ -370,7 +373,7 @@ fn conclude(
     };
     results::write_all(files, &table, &fit, &story)?;
     isotropy::write_table(&reducer, files)?;
-    let told = Told::of(&reducer, files);
+    let told = Told::of(&reducer, &table, files);
     Ok(Scanned {
         recorded,
         fit: Some(fit),

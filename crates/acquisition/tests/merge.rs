@@ -80,13 +80,14 @@ fn what_is_left_unread_costs_less_than_half_a_percent_of_the_variance() {
     for times in brackets {
         for rate in ladder(1.0, 2e6, 12.0) {
             let mut record = pose(&d, &vec![rate; n], times, 5);
-            let mut best = 0.0;
+            let (mut best, mut longest) = (0.0, 0.0);
             for (k, e) in record.exposures.iter_mut().enumerate() {
                 let x = times[k] * e.lamp_monitor;
                 // without noise: every pixel the same
                 e.frame = frame(&d, &vec![rate; n], times[k], e.lamp_monitor, k as u64, &mut None);
                 if rate * x < top {
                     best += x * x / (rate * x + read);
+                    longest = x;
                 }
             }
             let near = times.iter().enumerate().any(|(k, t)| {
@@ -100,7 +101,7 @@ fn what_is_left_unread_costs_less_than_half_a_percent_of_the_variance() {
             let m = merged.pixels[n / 2 + 80];
             let excess = f64::from(m.shot + m.read) * best - 1.0;
             // the shot noise goes by the rate as it was rounded to counts
-            let rounding = 0.6 * gain / (rate * times[times.len() - 1]).max(9.0);
+            let rounding = 0.6 * gain / (rate * longest).max(read);
             assert!(excess > -rounding && excess < 5e-3 + rounding, "{times:?} {rate}: {excess:.2e}");
             most = most.max(excess);
         }

@@ -80,13 +80,17 @@ fn what_is_left_unread_costs_less_than_half_a_percent_of_the_variance() {
     for times in brackets {
         for rate in ladder(1.0, 2e6, 12.0) {
             let mut record = pose(&d, &vec![rate; n], times, 5);
-            let mut best = 0.0;
+            // information, how it falls with the rate, and Σ w
+            let (mut best, mut slope, mut weights) = (0.0, 0.0, 0.0);
             for (k, e) in record.exposures.iter_mut().enumerate() {
                 let x = times[k] * e.lamp_monitor;
                 // without noise: every pixel the same
                 e.frame = frame(&d, &vec![rate; n], times[k], e.lamp_monitor, k as u64, &mut None);
                 if rate * x < top {
-                    best += x * x / (rate * x + read);
+                    let w = x / (rate * x + read);
+                    best += x * w;
+                    slope += x * w * w;
+                    weights += w;
                 }
             }
             let near = times.iter().enumerate().any(|(k, t)| {
@@ -99,8 +103,8 @@ fn what_is_left_unread_costs_less_than_half_a_percent_of_the_variance() {
             let merged = merge(&record, &map, &sensor, &DarkModel::none(n), &vec![true; n]).expect("merges");
             let m = merged.pixels[n / 2 + 80];
             let excess = f64::from(m.shot + m.read) * best - 1.0;
-            // the shot noise goes by the rate as it was rounded to counts
-            let rounding = 0.6 * gain / (rate * times[times.len() - 1]).max(9.0);
+            // the shot noise goes by the rate as it was rounded to counts: half a count a frame
+            let rounding = 1.2 * (0.5 * gain * weights / best) * (slope / best);
             assert!(excess > -rounding && excess < 5e-3 + rounding, "{times:?} {rate}: {excess:.2e}");
             most = most.max(excess);
         }

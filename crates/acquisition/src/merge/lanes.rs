@@ -95,7 +95,7 @@ impl Row {
                     true => shots.plans.find(rates[k], j + 1),
                     false => plans[k],
                 });
-                self.either(wide, shots, y, x, j, [with, plans], level);
+                self.either(wide, shots, y, (x, j), [with, plans], level);
                 continue;
             }
             match (self.mixed.is_empty(), x + BLOCK <= shots.width) {
@@ -190,8 +190,7 @@ impl Row {
         wide: W,
         shots: &Shots<'_>,
         y: usize,
-        start: usize,
-        j: usize,
+        (start, j): (usize, usize),
         plans: [[usize; PARITIES]; 2],
         level: &impl Fn(&[u16; WIDE]) -> W::F,
     ) {

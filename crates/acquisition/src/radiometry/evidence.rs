@@ -8,7 +8,6 @@ use gonio_optics::fresnel;
 
 use super::distance;
 use super::stray::{Tiles, tiles};
-use crate::footprint::lit_share_at;
 use crate::merge::Merged;
 use crate::pixel_map::{PixelMap, PoseView};
 
@@ -235,7 +234,6 @@ fn face_on_glass(view: &PoseView, map: &PixelMap, index: f64) -> Vec<f64> {
     let blind = distance::of_tiles(map, |p| view.visible[p]);
     let sighted = distance::of_tiles(map, |p| !view.visible[p]);
     let margin = distance::margin(map);
-    let spot = map.description().lamp.spot_radius_mm;
     (0..blind.len())
         .map(|i| {
             let (x, y) = (2 * (i % (w / 2)), 2 * (i / (w / 2)));
@@ -244,9 +242,11 @@ fn face_on_glass(view: &PoseView, map: &PixelMap, index: f64) -> Vec<f64> {
             if blind[i] >= margin {
                 0.0
             } else if sighted[i] >= margin && v.z > limit {
-                let place = map.place_mm(p, &view.sample_from_lab);
-                let lit = lit_share_at(place, map.footprint_mm(p), spot, view.theta_i.cos(), v);
-                map.optics().etendue((x + 1) as f64, (y + 1) as f64) * fresnel::dielectric(v.z, index) * lit
+                let lit = map.lit_share(p, &view.sample_from_lab, view.theta_i.cos());
+                let seen =
+                    map.optics().etendue((x + 1) as f64, (y + 1) as f64) * fresnel::dielectric(v.z, index);
+                // nor is it where it is not known how much of it is lit
+                if lit > 0.0 { seen * lit } else { f64::NAN }
             } else {
                 f64::NAN
             }

@@ -32,6 +32,8 @@ pub fn run(a: &CalibrateArguments, printer: Printer) -> Result<Outcome, Failure>
 const MOST_REJECTED: f64 = 0.2;
 /// χ² over degrees of freedom beyond which a fit does not explain what was seen.
 const MOST_CHI2: f64 = 4.0;
+/// Where pixels look is known well enough for views up to 75°, mm.
+const SURE_AIM_MM: f64 = 0.05;
 /// Channels are taken as equally sensitive within this, relative.
 const EQUAL_CHANNELS: f64 = 0.02;
 
@@ -275,14 +277,20 @@ fn draw(c: &Calibrated) -> gonio_render::Picture {
         .map(|r| SpotMark {
             at_px: r.at_px,
             off_px: r.off_px,
-            group: if r.edge { 2 } else { usize::from(r.name.contains("wedge")) },
+            group: if r.name.starts_with("horizon") {
+                3
+            } else if r.edge {
+                2
+            } else {
+                usize::from(r.name.contains("wedge"))
+            },
             rejected: r.rejected,
         })
         .collect();
     SpotPlot {
         title: format!("Spots of black glass, residuals {:.3} px r.m.s.", c.solution.rms_px),
         size_px: c.description.camera.size,
-        groups: vec!["flat".to_owned(), "wedge".to_owned(), "edges".to_owned()],
+        groups: vec!["flat".to_owned(), "wedge".to_owned(), "edges".to_owned(), "horizon".to_owned()],
         marks,
     }
     .draw()
@@ -303,6 +311,15 @@ fn words(c: &Calibrated, output: &Path, picture: &Path) -> String {
     text += &format!(
         "directions (θi, θo, light to view) are known to {:.4}°, {:.4}°, {:.4}° (tolerances alone: {:.3}°, {:.3}°, {:.3}°)\n",
         a[0], a[1], a[2], b[0], b[1], b[2]
+    );
+    text += &format!(
+        "where pixels look on the sample is known to {:.3} mm across the line of sight{}\n",
+        c.verdict.aim_mm,
+        if c.verdict.aim_mm > SURE_AIM_MM {
+            ": views beyond about 65° will be left out where the edge of the lamp's spot may lie; a scan of the white sample (--kind white) tells it"
+        } else {
+            ""
+        }
     );
     for (k, p) in PARAMETERS.iter().enumerate() {
         text += &format!("  {:<24} {:>9.4} ± {:.4} {}\n", p.name, s.row[k], s.sigma(k), p.unit);
@@ -352,6 +369,7 @@ fn to_json(c: &Calibrated, output: &Path, picture: &Path) -> Value {
             "name": p.name, "value": s.row[k], "sigma": s.sigma(k), "unit": p.unit,
         })).collect::<Vec<_>>(),
         "directions_deg": { "before": c.verdict.before.rms_deg, "after": c.verdict.after.rms_deg, "after_max": c.verdict.after.max_deg },
+        "aim_mm": c.verdict.aim_mm,
         "undetermined": c.verdict.undetermined.iter().map(|u| json!({
             "words": u.words, "information": u.information, "effect_deg": u.effect_deg, "poses": u.poses,
         })).collect::<Vec<_>>(),

@@ -107,7 +107,7 @@ fn toml_file(path: &Path) -> Result<serde_json::Result<Value>, Failure> {
             "poses": d.plan.poses().len(), "calibrated": d.calibration.is_some(),
             "calibration": d.calibration_record.as_ref().map(|r| json!({
                 "version": r.version, "good": r.good, "sessions": r.sessions, "spots": r.spots, "edges": r.edges,
-                "rejected": r.rejected, "spot_rms_px": r.spot_rms_px, "direction_deg": [r.theta_i_deg, r.theta_o_deg, r.light_view_deg],
+                "rejected": r.rejected, "spot_rms_px": r.spot_rms_px, "direction_deg": [r.theta_i_deg, r.theta_o_deg, r.light_view_deg], "aim_mm": r.aim_mm,
                 "undetermined": r.undetermined,
             })),
             "radiometry": d.radiometry.as_ref().map(super::radiometry_report::summary),

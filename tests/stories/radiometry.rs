@@ -388,7 +388,7 @@ fn a_chart_from_a_file_gives_colours_whose_residual_stands_on_every_report() {
         (whole.replace("P3.csv", "absent.csv"), "absent.csv"),
         (whole.replace("P3.csv", "T.nc"), "went through a colour matrix already"),
         (whole.replace("gonio-chart", "gonio-plan"), "gonio-chart"),
-        (whole.replace("lab = [", "lab = [999.0, "), "lab"),
+        (whole.replace("lab = [", "lab = [999.0, "), "L* of 0 to 150"),
         ((0..8).fold(alike, |t, k| t.replace(&format!("P{k}.csv"), "P0.csv")), "do not differ enough"),
     ] {
         bench.write("bad.toml", text);

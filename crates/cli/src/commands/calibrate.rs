@@ -143,13 +143,15 @@ pub fn calibrate(a: &GeometryArguments) -> Result<Calibrated, Failure> {
     let map = Arc::new(PixelMap::new(&description));
     let (first, mut without_spot, outside) =
         find_spots(&sessions, &map, a.common.index, [1.0; 3], &mut lost)?;
+    let unusable = without_spot.clone();
     let failed = |e: geometry::CalibrationError| {
-        let seen = match outside {
-            0 => String::new(),
-            n => format!(
-                "; of {n} poses the lamp's mirror image lies outside the picture or is too dark to be seen"
-            ),
-        };
+        let dark = (outside > 0).then(|| {
+            format!("; in {outside} poses the lamp's mirror image lies outside the picture or is too dark to be seen")
+        });
+        let others = unusable
+            .first()
+            .map(|first| format!("; {} poses show something else, the first: {first}", unusable.len()));
+        let seen = dark.unwrap_or_default() + &others.unwrap_or_default();
         Failure::Failed(format!("{e}{seen}"))
     };
     let mut problem = Problem { description: description.clone(), spots: first, edges: Vec::new() };

@@ -3,7 +3,9 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use gonio_acquisition::geometry::{Problem, Settings, SpotFinder, solve, verdict};
+use gonio_acquisition::geometry::edges::Edge;
+use gonio_acquisition::geometry::{Problem, Settings, SpotFinder, horizon, solve, verdict};
+use gonio_acquisition::merge::{Merged, MergedPose};
 use gonio_acquisition::{Options, PixelMap};
 use gonio_instrument::{Description, Exposure, Frame, Misalignment, Pose, PoseRecord, ScanKind, builtin};
 use gonio_optics::{Angle, Vec3};
@@ -124,6 +126,72 @@ fn a_few_dozen_poses_of_black_glass_find_an_instrument_that_is_out_of_alignment(
     for (off, stated) in after.into_iter().zip(verdict.after.max_deg) {
         assert!(off < 0.2 && off < 5.0 * stated, "{after:?} {:?}", verdict.after);
     }
+
+    // black glass does not tell where on the sample a pixel looks: near the horizon the lit share of its footprint is anyone's guess
+    let guess = largest_lit_error(&found);
+    assert!(guess > 0.3 && verdict.aim_mm > 0.1, "{guess} {}", verdict.aim_mm);
+    // the fading of the light on a white sample does
+    let (mut known, mut problem) = (found, problem);
+    let mut solution = solution;
+    for _ in 0..2 {
+        problem.edges = fadings(&optics, &PixelMap::new(&known));
+        problem.description.calibration = known.calibration.clone();
+        solution = solve(&problem, &settings).expect("enough spots");
+        known.calibration = Some(solution.estimate.instrument.clone());
+    }
+    let verdict = verdict::judge(&description, &solution, &settings);
+    let (told, directions) = (largest_lit_error(&known), largest_errors(&known));
+    assert!(told < 0.06 && verdict.aim_mm < 0.03, "{told} {}", verdict.aim_mm);
+    assert!(
+        directions.iter().zip(after).all(|(now, then)| *now < then.max(0.03)),
+        "{directions:?} {after:?}"
+    );
+    assert!(problem.edges.len() >= 40 && solution.rejected().count() <= 5, "{}", problem.edges.len());
+}
+
+/// What a white sample shows of its horizon at five tilts, seen without noise. Half of each footprint found is lit indeed.
+fn fadings(optics: &VirtualOptics, map: &PixelMap) -> Vec<Edge> {
+    let white = Sample::diffuser(0.98);
+    let mut out = Vec::new();
+    for tilt in [0.0, 20.0, 40.0, 60.0, 75.0] {
+        let readback = Pose::from_degrees(tilt, 0.0);
+        let actual = Pose::from_degrees(tilt + errors().tilt_zero_deg, 0.0);
+        let rates = optics.rate_map(actual, 0.0, &white).rates;
+        let pixels = rates
+            .iter()
+            .map(|&rate| Merged { rate, shot: 1e-6 * rate * rate, read: 0.0, dark: 0.0, exposure: 1.0 })
+            .collect();
+        let merged = MergedPose { pixels, exposures: 1, saturated_share: 0.0, lamp_relative: 0.0 };
+        for e in horizon::find(map, &merged, readback, [1.0; 3]) {
+            let [u, v] = e.at_px;
+            let lit = optics.trace_pixel(actual, &white, u as u32, v as u32).map_or(0.0, |s| s.lit);
+            assert!((lit - 0.5).abs() < 0.1, "{}: {lit}", e.name());
+            out.push(e);
+        }
+    }
+    out
+}
+
+/// Largest error of the lit share of a footprint, over pixels with θo from 60 to 75°.
+fn largest_lit_error(known: &Description) -> f64 {
+    let (optics, map) = (VirtualOptics::new(&half(), &errors()), PixelMap::new(known));
+    let sample = Sample::diffuser(0.5);
+    let mut worst = 0.0f64;
+    for tilt in [5.0, 25.0, 50.0] {
+        let (sample_from_lab, theta_i) = map.frame(Pose::from_degrees(tilt, 0.0));
+        let actual = Pose::from_degrees(tilt + errors().tilt_zero_deg, 0.0);
+        for row in (5..half().camera.size[1]).step_by(13) {
+            for column in (5..half().camera.size[0]).step_by(13) {
+                let Some(sight) = optics.trace_pixel(actual, &sample, column, row) else { continue };
+                if !(60.0..75.0).contains(&sight.geometry.theta_o.degrees()) {
+                    continue;
+                }
+                let p = (row * half().camera.size[0] + column) as usize;
+                worst = worst.max((map.lit_share(p, &sample_from_lab, theta_i.cos()) - sight.lit).abs());
+            }
+        }
+    }
+    worst
 }
 
 #[test]

@@ -5,6 +5,7 @@
 
 use gonio_brdf::{Anisotropic, Flag, Rgb};
 
+use super::face_azimuths::TakenOff;
 use super::table_part::Returned;
 use super::{chart, face_azimuths};
 use crate::pixel_map::PixelMap;
@@ -24,16 +25,17 @@ pub struct Corrections<'a> {
 pub fn correct(t: &mut Anisotropic, map: &PixelMap, c: &Corrections<'_>) {
     let Some(radiometry) = &map.description().radiometry else { return };
     if let Some(stray) = &radiometry.stray {
-        let returned = stray.face.map(|kappa| Returned {
-            taken: face_azimuths::take_off(t, map, kappa.value),
-            kappa,
-            white: c.own_light,
+        let returned = stray.face.map(|kappa| {
+            let TakenOff { taken, unseen } = face_azimuths::take_off(t, map, kappa.value);
+            (Returned { taken, kappa, white: c.own_light }, unseen)
         });
         for at in (0..t.values.len()).filter(|&at| t.flag[at] != Flag::Invalid) {
-            let ti = t.grid.coordinates(at % t.grid.len())[0];
+            let (pi, ti) = (at / t.grid.len(), t.grid.coordinates(at % t.grid.len())[0]);
             for k in 0..3 {
                 let f = f64::from(t.values[at][k]);
-                let face = returned.as_ref().map_or(0.0, |r| r.sigma(f, r.taken[at][k]));
+                let face = returned.as_ref().map_or(0.0, |(r, unseen)| {
+                    r.sigma(f, r.taken[at][k]).hypot(unseen[pi][ti] * r.taken[at][k])
+                });
                 let own = f64::from(t.sigma[at][k]);
                 t.sigma[at][k] = own.hypot(c.rows[ti][k]).hypot(face).hypot(c.white * f) as f32;
             }

@@ -191,8 +191,8 @@ bin and lamp, within and beyond 15° of the mirror direction; θi up to 85°.\n\
         "\n## Ways to fill\n\nThe same scans filled in four ways, mean CIEDE2000 beyond 15° of the mirror direction in holes (θo up to 75°), 75 to 85° and 85 to 90°. \
 *Plain*: holes by a thin plate in log f, the rim by the slope of log f, forgotten over 10°. *Reciprocity* first takes what was measured with light and view \
 exchanged. *Flake space*: the same of the ratio to a flake map of all measured cells, which returns to 1. What is used is chosen by zone: under a coat flake space, \
-holes by reciprocity first; without a coat reciprocity, then plain; reciprocity only where the measured cells keep it themselves (median departure up to 5 %; the \
-interference pigment's measured table departs by a quarter).\n\n| paint | way | holes | 75 to 85° | 85 to 90° |\n|---|---|---|---|---|\n",
+holes by reciprocity first; without a coat reciprocity, then plain; where the measured cells themselves do not keep reciprocity (median departure above 5 %; the interference \
+pigment's measured table departs by a quarter), flake space in holes and plain beyond.\n\n| paint | way | holes | 75 to 85° | 85 to 90° |\n|---|---|---|---|---|\n",
     );
     for c in compared {
         let line = |text: &mut String, way: &str, [holes, rim, last]: [f64; 3]| {

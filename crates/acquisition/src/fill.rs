@@ -79,14 +79,18 @@ impl std::fmt::Display for Filling {
 pub fn fill(m: &mut Measured, coat: Option<&Coat>, limit_deg: f64) -> Filling {
     let guarded = |how: Filling, m: &Measured| {
         let off = reciprocity::residual(m);
-        if off.is_none_or(|off| off <= LARGEST_RESIDUAL) { how } else { how.without_reciprocity() }
+        if off.is_none_or(|off| off <= LARGEST_RESIDUAL) {
+            return how;
+        }
+        // then what the map of all cells knows is the better guide into holes
+        Filling { holes: Method { reciprocity: false, flake_space: true }, ..how.without_reciprocity() }
     };
     let how = guarded(if coat.is_some() { Filling::COATED } else { Filling::BARE }, m);
     if fill_by(m, coat, limit_deg, how).is_ok() {
         return how;
     }
     // too little for a map
-    let how = guarded(Filling::BARE, m);
+    let how = if guarded(Filling::BARE, m) == Filling::BARE { Filling::BARE } else { Filling::PLAIN };
     let _ = fill_by(m, coat, limit_deg, how);
     how
 }

@@ -119,6 +119,60 @@ fn light_at_the_horizon_gives_finite_values() {
     finite(&reducer.finish());
 }
 
+#[test]
+fn cells_that_one_pixel_of_each_colour_tells_have_its_value_and_its_noise() {
+    let d = tiny();
+    let map = Arc::new(PixelMap::new(&d));
+    let pose = Pose::from_degrees(30.0, 0.0);
+    let view = map.view(pose);
+    let w = map.width();
+    let seen = |p: usize| {
+        let theta = view.sample_from_lab.apply(map.direction(p)).z.acos().to_degrees();
+        view.visible[p] && (35.0..45.0).contains(&theta)
+    };
+    // a block of the mosaic, whose second green is left out
+    let block = (0..map.height() / 2)
+        .flat_map(|y| (0..w / 2).map(move |x| 2 * y * w + 2 * x))
+        .find(|p| [*p, p + 1, p + w, p + w + 1].into_iter().all(seen))
+        .expect("some of the sample is seen at 40°");
+    let mut of_colour = [None; 3];
+    for p in [block, block + 1, block + w, block + w + 1] {
+        of_colour[map.channel(p)].get_or_insert(p);
+    }
+    let mut white = white(d.camera.pixels());
+    for (p, k) in white.scale.iter_mut().enumerate() {
+        if !of_colour.contains(&Some(p)) {
+            *k = f32::NAN;
+        }
+    }
+    let (black, t, counts) = (d.camera.black_level as u16, 1e-2, [400, 700, 1000]);
+    let raw = |_, p: usize| black + counts[map.channel(p)];
+    let row = record(&d, 30.0, &[t], raw);
+    let table = |min_coverage: f64| {
+        let options = Options { min_coverage, fill: false, ..Options::default() };
+        let mut reducer =
+            Reducer::new(map.clone(), white.clone(), SampleRecord::default(), options).expect("settings");
+        reducer.add_pose(&row).expect("a pose");
+        reducer.finish()
+    };
+    let m = table(0.05);
+    let told: Vec<usize> = (0..m.grid.len()).filter(|&i| m.flag[i] == Flag::Measured).collect();
+    assert!(!told.is_empty() && told.len() < 40, "{}", told.len());
+    let cos = view.theta_i.cos();
+    for i in told {
+        for c in 0..3 {
+            let electrons = f64::from(counts[c]) * d.camera.electrons_per_count();
+            let wanted = electrons / t / (2e5 * cos);
+            let (value, sigma) = (f64::from(m.values[i][c]), f64::from(m.sigma[i][c]));
+            assert!((value / wanted - 1.0).abs() < 1e-3, "{value} {wanted}");
+            // one pixel's noise of light at the least, and that of the certificate
+            assert!(sigma / value > 1.0 / electrons.sqrt() && sigma / value < 0.5, "{sigma} {value}");
+        }
+    }
+    // asked for more than they cover, they are holes
+    assert!(!table(0.9).flag.contains(&Flag::Measured));
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
     #[test]

@@ -120,15 +120,16 @@ fn reciprocity_stands_in_only_where_the_measured_cells_keep_it() {
             .fold(0.0, f64::max)
     };
     let kept = worst(&m, &|_| 1.0);
-    // light from below 40° shows a fifth more than it does the other way round
-    let skew = |c: [usize; 3]| if c[0] <= 8 { 1.2 } else { 1.0 };
+    // the lower light shows more than it does the other way round, by up to three quarters
+    let skew = |c: [usize; 3]| (0.0075 * (5.0 * c[0] as f64 - 2.5 * c[1] as f64)).exp();
     let mut skewed = table(hole);
     for i in 0..skewed.grid.len() {
         let f = skew(skewed.grid.coordinates(i)) as f32;
         skewed.values[i] = skewed.values[i].map(|v| v * f);
     }
     let mut forced = skewed.clone();
-    assert_eq!(fill(&mut skewed, None, 75.0), Filling::BARE.without_reciprocity());
+    let done = fill(&mut skewed, None, 75.0);
+    assert!(!done.holes.reciprocity && !done.rim.reciprocity && done.holes.flake_space, "{done}");
     fill_by(&mut forced, None, 75.0, Filling::BARE).unwrap();
     let (guarded, forced) = (worst(&skewed, &skew), worst(&forced, &skew));
     assert!(kept < 0.1 && guarded < 0.1 && forced > 0.15, "{kept} {guarded} {forced}");

@@ -14,6 +14,7 @@ use nalgebra::{Matrix2, Vector2};
 use rayon::prelude::*;
 
 use super::edges::{Edge, Thing, pixel_at};
+use super::parameters::{CAMERA_SHIFT, Estimate, MIRROR_SHIFT, Row};
 use crate::footprint::Footprint;
 use crate::merge::MergedPose;
 use crate::optics::Optics;
@@ -67,6 +68,42 @@ pub(super) fn distance_px(
 ) -> Option<f64> {
     let (seen, cos_i) = sight(optics, d, pose, at)?;
     Some((seen.beside_mm(cos_i) - beside_mm) * px_per_mm)
+}
+
+/// Half the width of the search for where mirror and camera stand together, and its step, mm.
+const TOGETHER_MM: f64 = 1.0;
+const TOGETHER_STEP_MM: f64 = 0.25;
+/// Standard deviations beyond which a fading counts no more in that search.
+const FAR_OFF: f64 = 30.0;
+
+/// Where a descent begins: mirror and camera moved together, which moves no direction, to where the fadings are explained best. A fading does
+/// not tell to which side a pixel looks past F1, so from far off a descent alone might end on a wrong one.
+pub(super) fn start(description: &Description, edges: &[Edge], row: &Row) -> Row {
+    let fadings: Vec<&Edge> = edges.iter().filter(|e| matches!(e.thing, Thing::Horizon { .. })).collect();
+    if fadings.is_empty() {
+        return *row;
+    }
+    let cost = |row: &Row| -> f64 {
+        let optics = Optics::with(description, &Estimate::from_row(row).instrument);
+        let off = |e: &&Edge| {
+            e.distance_px(&optics, description).map_or(FAR_OFF, |d| (d / e.sigma_px).abs().min(FAR_OFF))
+        };
+        fadings.iter().map(off).sum()
+    };
+    let steps = (TOGETHER_MM / TOGETHER_STEP_MM) as i32;
+    let side = (2 * steps + 1) as usize;
+    let moved = |k: usize| {
+        let mut there = *row;
+        for (axis, place) in [k % side, k / side % side, k / side / side].into_iter().enumerate() {
+            let by = TOGETHER_STEP_MM * f64::from(place as i32 - steps);
+            there[MIRROR_SHIFT + axis] += by;
+            there[CAMERA_SHIFT + axis] += by;
+        }
+        there
+    };
+    let costs: Vec<f64> = (0..side.pow(3)).into_par_iter().map(|k| cost(&moved(k))).collect();
+    let best = (0..costs.len()).min_by(|&a, &b| costs[a].total_cmp(&costs[b])).unwrap_or(0);
+    if costs[best] < cost(row) { moved(best) } else { *row }
 }
 
 /// A pixel on the way to the horizon.
@@ -198,6 +235,8 @@ fn one(map: &PixelMap, pose: Pose, seen: &[Seen], place: &dyn Fn(f64) -> Option<
         place(low)
     };
     let (at_px, earlier) = (half(found)?, half(found + SEARCH_MM)?);
+    // beyond the picture's border it would be a guess
+    pixel_at(map, at_px[0], at_px[1])?;
     let fading = [at_px[0] - earlier[0], at_px[1] - earlier[1]];
     let length = fading[0].hypot(fading[1]);
     let (there, cos_i) = sight(optics, d, pose, at_px)?;

@@ -85,6 +85,9 @@ pub const PARAMETERS: [Parameter; COUNT] = [
     p("wedge_azimuth", "the azimuth of the wedge", "deg", 20.0),
 ];
 
+/// Place of the mirror's shift, and of the camera's.
+pub(super) const MIRROR_SHIFT: usize = 0;
+pub(super) const CAMERA_SHIFT: usize = 7;
 /// Place of the tilt's zero; the errors of a single tilt act like it.
 pub const TILT_ZERO: usize = 24;
 /// Place of the wedge's azimuth; the errors of a single spin act like it.

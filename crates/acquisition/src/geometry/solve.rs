@@ -10,6 +10,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::edges::Edge;
+use super::horizon;
 use super::parameters::{COUNT, Estimate, PARAMETERS, Row, TILT_ZERO, WEDGE, WEDGE_AZIMUTH};
 use super::predict::{derivatives, mirror_direction, spot};
 use super::spots::Spot;
@@ -141,7 +142,7 @@ pub fn solve(problem: &Problem, settings: &Settings) -> Result<Solution, Calibra
     let centre = start(problem);
     let count = problem.spots.len() + problem.edges.len();
     let mut used = vec![true; count];
-    let mut row = centre;
+    let mut row = horizon::start(&problem.description, &problem.edges, &centre);
     let mut iterations = 0;
     let mut converged = false;
     let mut descend = |row: &mut Row, used: &[bool], coarse: f64| -> Result<(), CalibrationError> {

@@ -160,8 +160,8 @@ fn cells_that_one_pixel_of_each_colour_tells_have_its_value_and_its_noise() {
     assert!(!told.is_empty() && told.len() < 40, "{}", told.len());
     let cos = view.theta_i.cos();
     for i in told {
-        for c in 0..3 {
-            let electrons = f64::from(counts[c]) * d.camera.electrons_per_count();
+        for (c, counts) in counts.iter().enumerate() {
+            let electrons = f64::from(*counts) * d.camera.electrons_per_count();
             let wanted = electrons / t / (2e5 * cos);
             let (value, sigma) = (f64::from(m.values[i][c]), f64::from(m.sigma[i][c]));
             assert!((value / wanted - 1.0).abs() < 1e-3, "{value} {wanted}");

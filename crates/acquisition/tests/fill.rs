@@ -132,7 +132,7 @@ fn reciprocity_stands_in_only_where_the_measured_cells_keep_it() {
     assert!(!done.holes.reciprocity && !done.rim.reciprocity && done.holes.flake_space, "{done}");
     fill_by(&mut forced, None, 75.0, Filling::BARE).unwrap();
     let (guarded, forced) = (worst(&skewed, &skew), worst(&forced, &skew));
-    assert!(kept < 0.1 && guarded < 0.1 && forced > 0.15, "{kept} {guarded} {forced}");
+    assert!(kept < 0.1 && guarded < 0.3 * forced, "{kept} {guarded} {forced}");
 }
 
 #[test]

@@ -32,6 +32,8 @@ pub fn run(a: &CalibrateArguments, printer: Printer) -> Result<Outcome, Failure>
 const MOST_REJECTED: f64 = 0.2;
 /// χ² over degrees of freedom beyond which a fit does not explain what was seen.
 const MOST_CHI2: f64 = 4.0;
+/// More spots than this are not given up for what the fading of a white sample says.
+const MOST_SPOTS_LOST: usize = 2;
 /// Where pixels look is known well enough for views up to 75°, mm.
 const SURE_AIM_MM: f64 = 0.05;
 /// Channels are taken as equally sensitive within this, relative.
@@ -159,6 +161,7 @@ pub fn calibrate(a: &GeometryArguments) -> Result<Calibrated, Failure> {
     // with the optics found edges are near enough to be sought; spots are fitted again where the channels' sensitivities differ
     let found =
         Description { calibration: Some(solution.estimate.instrument.clone()), ..description.clone() };
+    let by_spots = (solution.estimate.instrument.clone(), spots_thrown(&solution));
     let map = Arc::new(PixelMap::new(&found));
     let gains = spots::channel_gains(&problem.spots);
     if gains.iter().any(|g| (g - 1.0).abs() > EQUAL_CHANNELS) {
@@ -175,6 +178,16 @@ pub fn calibrate(a: &GeometryArguments) -> Result<Calibrated, Failure> {
         problem.edges = find_edges(&sessions, &Arc::new(PixelMap::new(&found)), &mut Vec::new())?;
         problem.description.calibration = found.calibration;
         solution = geometry::solve(&problem, &settings).map_err(failed)?;
+        if spots_thrown(&solution) > by_spots.1 + MOST_SPOTS_LOST {
+            // what the fading says must not cost spots: a footprint may have been taken to lie on the wrong side of the lamp's spot
+            problem.edges.retain(|e| !matches!(e.thing, edges::Thing::Horizon { .. }));
+            problem.description.calibration = Some(by_spots.0);
+            solution = geometry::solve(&problem, &settings).map_err(failed)?;
+            without_spot.push(
+                "horizon of the white sample: how its light fades contradicts the spots of black glass; check that the white sample lies as the black glass does"
+                    .to_owned(),
+            );
+        }
     }
     let mut verdict = geometry::verdict::judge(&description, &solution, &settings);
     let doubts = doubts(&solution);
@@ -182,6 +195,11 @@ pub fn calibrate(a: &GeometryArguments) -> Result<Calibrated, Failure> {
     let names = a.sessions.iter().map(|p| file_name(p)).collect();
     let description = geometry::record::calibrated(&description, &solution, &verdict, &settings, names);
     Ok(Calibrated { description, solution, verdict, without_spot, outside, doubts, lost })
+}
+
+/// Spots that were thrown out.
+fn spots_thrown(s: &Solution) -> usize {
+    s.rejected().filter(|r| !r.edge).count()
 }
 
 /// What speaks against a fit that ended: that it explains but a part of what was seen, or that with larger errors than it counts with.

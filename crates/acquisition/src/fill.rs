@@ -6,7 +6,7 @@
 //! ([`Filling`]) was measured: `docs/accuracy.md` has the table.
 
 mod continuation;
-mod membrane;
+mod plate;
 mod reciprocity;
 mod shape;
 
@@ -77,20 +77,16 @@ impl std::fmt::Display for Filling {
 /// `coat` is the one through which the table shows a base. A table without a measured cell stays as it is. Reciprocity is used where the measured
 /// cells themselves keep it; where they make no flake map, the rest goes on without. What was done comes back.
 pub fn fill(m: &mut Measured, coat: Option<&Coat>, limit_deg: f64) -> Filling {
-    let guarded = |how: Filling, m: &Measured| {
-        let off = reciprocity::residual(m);
-        if off.is_none_or(|off| off <= LARGEST_RESIDUAL) {
-            return how;
-        }
-        // then what the map of all cells knows is the better guide into holes
-        Filling { holes: Method { reciprocity: false, flake_space: true }, ..how.without_reciprocity() }
-    };
-    let how = guarded(if coat.is_some() { Filling::COATED } else { Filling::BARE }, m);
+    let reciprocal = reciprocity::residual(m).is_none_or(|off| off <= LARGEST_RESIDUAL);
+    let usual = if coat.is_some() { Filling::COATED } else { Filling::BARE };
+    // without reciprocity what the map of all cells knows is the better guide into holes
+    let holes = Method { reciprocity: false, flake_space: true };
+    let how = if reciprocal { usual } else { Filling { holes, ..usual.without_reciprocity() } };
     if fill_by(m, coat, limit_deg, how).is_ok() {
         return how;
     }
     // too little for a map
-    let how = if guarded(Filling::BARE, m) == Filling::BARE { Filling::BARE } else { Filling::PLAIN };
+    let how = if reciprocal { Filling::BARE } else { Filling::PLAIN };
     let _ = fill_by(m, coat, limit_deg, how);
     how
 }
@@ -108,7 +104,7 @@ pub fn fill_by(m: &mut Measured, coat: Option<&Coat>, limit_deg: f64, how: Filli
     reciprocity::fill(m, limit_deg, how);
     let holes = shape.as_ref().filter(|_| how.holes.flake_space);
     shape::relative_to(m, holes, |m| {
-        membrane::fill(m, limit_deg);
+        plate::fill(m, limit_deg);
         continuation::between_rows(m, limit_deg);
     });
     let rim = shape.as_ref().filter(|_| how.rim.flake_space);

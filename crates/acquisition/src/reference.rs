@@ -55,6 +55,20 @@ pub struct WhiteReference {
     pub law: Vec<LawPoint>,
 }
 
+impl WhiteReference {
+    /// Relative standard uncertainty that all cells share by this reference: certificate, lamp, stray light, and what a description's κ leaves of the
+    /// light that the reference sent back to itself.
+    #[must_use]
+    pub fn common_relative(&self, description: &Description) -> f64 {
+        let stray = description.radiometry.as_ref().and_then(|r| r.stray.as_ref());
+        let kappa = stray.and_then(|s| s.face).map_or(0.0, |k| k.sigma);
+        self.certificate_uncertainty
+            .hypot(self.lamp_relative)
+            .hypot(self.stray_relative)
+            .hypot(kappa * self.own_light)
+    }
+}
+
 /// What a pose of the white reference gives against what all of them together give, by pixels that others see too.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LawPoint {

@@ -29,12 +29,7 @@ pub fn checks(
     let white = reducer.white();
     let monitor: Vec<f64> = reducer.statistics().iter().map(|s| s.lamp_monitor).collect();
     let d = calibrated.map.description();
-    let kappa = d.radiometry.as_ref().and_then(|r| r.stray.as_ref()?.face).map_or(0.0, |k| k.sigma);
-    let common = white
-        .certificate_uncertainty
-        .hypot(white.lamp_relative)
-        .hypot(white.stray_relative)
-        .hypot(kappa * white.own_light);
+    let common = white.common_relative(d);
     let index = d.radiometry.as_ref().and_then(|r| r.gloss.as_ref()).map_or(BLACK_GLASS_INDEX, |g| g.index);
     let tables: Vec<&Measured> = std::iter::once(table).chain(again).collect();
     vec![

@@ -2,11 +2,14 @@
 //!
 //! Written about the mean exposure time t̄ of the dark frames, its two parts are independent.
 
+mod steps;
+
 use std::time::Duration;
 
 use gonio_instrument::{Frame, PoseRecord};
 
 use crate::sensor::Sensor;
+pub(crate) use steps::Steps;
 
 /// Sums over dark frames, grouped by exposure time; [`DarkFrames::model`] makes the model.
 #[derive(Clone, Debug, Default)]
@@ -31,9 +34,9 @@ pub const DOUBLING_K: f64 = 7.0;
 #[derive(Clone, Debug)]
 pub struct DarkModel {
     /// Electrons at the exposure t̄, above the nominal black level.
-    mean_e: Vec<f32>,
+    mean_e: Steps,
     /// Electrons per second.
-    current_e_s: Vec<f32>,
+    current_e_s: Steps,
     hot: Vec<bool>,
     /// The hot pixels, in rising order.
     hot_list: Vec<u32>,
@@ -125,6 +128,7 @@ impl DarkFrames {
         let stt = self.weighted(n, |g| (g.exposure.as_secs_f64() - mean_t).powi(2)) * n;
         let two = stt > 1e-12;
         let t2 = self.weighted(n, |g| g.exposure.as_secs_f64().powi(2)) * n;
+        let (mut means, mut currents) = (vec![0.0f32; pixels], vec![0.0f32; pixels]);
         for p in 0..pixels {
             let (mut mean, mut cov) = (0.0, 0.0);
             for g in &self.groups {
@@ -133,10 +137,10 @@ impl DarkFrames {
                 cov += sum * if two { g.exposure.as_secs_f64() - mean_t } else { g.exposure.as_secs_f64() };
             }
             let current = if two { cov / stt } else { cov / t2.max(1e-12) };
-            out.current_e_s[p] = current as f32;
-            out.mean_e[p] = if two { mean as f32 } else { 0.0 };
+            currents[p] = current as f32;
+            means[p] = if two { mean as f32 } else { 0.0 };
         }
-        let mut sorted = out.current_e_s.clone();
+        let mut sorted = currents.clone();
         let median = f64::from(median_of(&mut sorted));
         let mut spread: Vec<f32> = sorted.iter().map(|c| (f64::from(*c) - median).abs() as f32).collect();
         let robust = 1.4826 * f64::from(median_of(&mut spread));
@@ -148,10 +152,14 @@ impl DarkFrames {
             out.mean_variance = (read + dark_noise) / n;
         }
         let bound = median + 10.0 * robust.max(out.current_variance.sqrt());
-        for (hot, c) in out.hot.iter_mut().zip(&out.current_e_s) {
+        for (hot, c) in out.hot.iter_mut().zip(&currents) {
             *hot |= f64::from(*c) > bound;
         }
-        out.usual = [median_of(&mut out.mean_e.clone()), median as f32];
+        out.mean_e = Steps::of(&means, |p| !out.hot[p]);
+        out.current_e_s = Steps::of(&currents, |p| !out.hot[p]);
+        out.mean_variance += out.mean_e.variance();
+        out.current_variance += out.current_e_s.variance();
+        out.usual = [median_of(&mut means), median as f32];
         out.list_hot();
         out
     }
@@ -166,8 +174,8 @@ impl DarkModel {
     #[must_use]
     pub fn none(pixels: usize) -> Self {
         Self {
-            mean_e: vec![0.0; pixels],
-            current_e_s: vec![0.0; pixels],
+            mean_e: Steps::none(pixels),
+            current_e_s: Steps::none(pixels),
             hot: vec![false; pixels],
             hot_list: Vec::new(),
             usual: [0.0; 2],
@@ -179,14 +187,14 @@ impl DarkModel {
         }
     }
 
-    /// Mean (electrons at t̄) and current (electrons/s) of a pixel.
+    /// Mean (electrons at t̄) and current (electrons/s) of a pixel; hot ones may be cut off.
     #[must_use]
     pub fn at(&self, pixel: usize) -> (f64, f64) {
-        (f64::from(self.mean_e[pixel]), f64::from(self.current_e_s[pixel]))
+        (f64::from(self.mean_e.at(pixel)), f64::from(self.current_e_s.at(pixel)))
     }
 
     /// Mean and current of every pixel as they lie.
-    pub(crate) fn lanes(&self) -> (&[f32], &[f32]) {
+    pub(crate) const fn lanes(&self) -> (&Steps, &Steps) {
         (&self.mean_e, &self.current_e_s)
     }
 

@@ -86,6 +86,14 @@ impl Row {
             }
             let rates = [shots.list[even].expected(means[0]), shots.list[odd].expected(means[1])];
             let plans = [0, 1].map(|k| shots.plans.find(rates[k], clear[k]));
+            // rows below will read the same, with their neighbours two rows further down; a row's stretch is too short for a machine to find that out by itself
+            let from = plans.map(|k| shots.plans.lines(k).from);
+            for shot in &shots.list[from[0].min(from[1]) as usize..] {
+                wide.ahead(shot.raw, (y + 3) * shots.width + x);
+            }
+            let below = (y + 1) * shots.width + x;
+            wide.ahead(shots.dark_mean, below);
+            wide.ahead(shots.dark_current, below);
             if let [(j, mixed)] = self.mixed[..]
                 && (0..PARITIES).all(|k| mixed[k] == 0.0 || clear[k] == j)
                 && x + BLOCK <= shots.width
@@ -149,16 +157,17 @@ impl Row {
         let lines = plans.map(|plan| shots.plans.lines(plan));
         let line = |of: fn(&Lines) -> f32| w.pattern(lines.map(of));
         self.lost[start / BLOCK] = lines[0].den <= 0.0 || lines[1].den <= 0.0;
-        let (sum, sum_t) = (line(|l| l.sum), line(|l| l.sum_t));
+        let step = shots.dark_step.map(|s| w.splat(s));
+        let (sum, sum_t) = (w.mul(line(|l| l.sum), step[0]), w.mul(line(|l| l.sum_t), step[1]));
         let p = y * shots.width + start;
         let n = if WHOLE { BLOCK } else { shots.width - start };
-        let (mut mean_room, mut current_room) = ([0.0; BLOCK], [0.0; BLOCK]);
+        let (mut mean_room, mut current_room) = ([0; BLOCK], [0; BLOCK]);
         let means = there::<_, BLOCK, WHOLE>(shots.dark_mean, p, n, &mut mean_room);
         let currents = there::<_, BLOCK, WHOLE>(shots.dark_current, p, n, &mut current_room);
         let (means, currents) = (means.as_chunks::<WIDE>().0, currents.as_chunks::<WIDE>().0);
         let mut rates = [line(|l| l.offset); GROUPS];
         for ((rate, mean), current) in rates.iter_mut().zip(means).zip(currents) {
-            let dark = w.add(w.mul(sum, w.load(mean)), w.mul(sum_t, w.load(current)));
+            let dark = w.add(w.mul(sum, w.steps(mean)), w.mul(sum_t, w.steps(current)));
             *rate = w.sub(*rate, dark);
         }
         let taken = lines[0].from.min(lines[1].from) as usize..lines[0].end.max(lines[1].end) as usize;
@@ -172,10 +181,10 @@ impl Row {
             }
         }
         let (den, exposure) = (line(|l| l.den), line(|l| l.exposure));
-        let (by_rate, by_current) = (line(|l| l.by_rate), line(|l| l.by_current));
+        let (by_rate, by_current) = (line(|l| l.by_rate), w.mul(line(|l| l.by_current), step[1]));
         let (read, dark) = (line(|l| l.read), line(|l| l.dark));
         for (k, (rate, current)) in rates.into_iter().zip(currents).enumerate() {
-            let current = w.positive(w.load(current));
+            let current = w.positive(w.steps(current));
             let shot = w.add(w.mul(by_rate, w.positive(rate)), w.mul(by_current, current));
             let rate = w.where_above_zero(den, rate, w.splat(f32::INFINITY));
             self.put(w, start + k * WIDE, [rate, shot, read, dark, exposure]);
@@ -203,13 +212,16 @@ impl Row {
         }
         let both = |of: fn(&Lines) -> f32| lines.map(|lines| w.pattern(lines.map(of)));
         let pick = |serves: W::F, [with, without]: [W::F; 2]| w.where_above_zero(serves, with, without);
-        let (offset, sum, sum_t) = (both(|l| l.offset), both(|l| l.sum), both(|l| l.sum_t));
+        let [mean_step, current_step] = shots.dark_step.map(|s| w.splat(s));
+        let in_steps = |of: [W::F; 2], step: W::F| of.map(|v| w.mul(v, step));
+        let offset = both(|l| l.offset);
+        let (sum, sum_t) = (in_steps(both(|l| l.sum), mean_step), in_steps(both(|l| l.sum_t), current_step));
         let means = take::<_, BLOCK>(shots.dark_mean, p).as_chunks::<WIDE>().0;
         let currents = take::<_, BLOCK>(shots.dark_current, p).as_chunks::<WIDE>().0;
         let mut rates = [w.splat(0.0); GROUPS];
         for (((rate, mean), current), serves) in rates.iter_mut().zip(means).zip(currents).zip(serves) {
-            let of_mean = w.mul(pick(serves, sum), w.load(mean));
-            let dark = w.add(of_mean, w.mul(pick(serves, sum_t), w.load(current)));
+            let of_mean = w.mul(pick(serves, sum), w.steps(mean));
+            let dark = w.add(of_mean, w.mul(pick(serves, sum_t), w.steps(current)));
             *rate = w.sub(pick(serves, offset), dark);
         }
         let all = || lines.iter().flatten();
@@ -224,11 +236,11 @@ impl Row {
             }
         }
         let (den, exposure) = (both(|l| l.den), both(|l| l.exposure));
-        let (by_rate, by_current) = (both(|l| l.by_rate), both(|l| l.by_current));
+        let (by_rate, by_current) = (both(|l| l.by_rate), in_steps(both(|l| l.by_current), current_step));
         let (read, dark) = (both(|l| l.read), both(|l| l.dark));
         let mut lost = false;
         for (k, ((rate, current), serves)) in rates.into_iter().zip(currents).zip(serves).enumerate() {
-            let current = w.positive(w.load(current));
+            let current = w.positive(w.steps(current));
             let of_rate = w.mul(pick(serves, by_rate), w.positive(rate));
             let shot = w.add(of_rate, w.mul(pick(serves, by_current), current));
             let den = pick(serves, den);
@@ -269,6 +281,7 @@ impl Row {
         let (slope, offset) = shots.ramp.line();
         let (slope, offset) = (w.splat(slope), w.splat(offset));
         let (zero, one) = (w.splat(0.0), w.splat(1.0));
+        let [mean_step, current_step] = shots.dark_step.map(|s| w.splat(s));
         let (den_clear, exposure_clear) = (line(|l| l.den), line(|l| l.exposure));
         let (by_rate_clear, by_current_clear) = (of_sums(|s| s.by_rate), of_sums(|s| s.by_current));
         let (squares_clear, rate_expected) = (of_sums(|s| s.squares), of_sums(|s| s.rate));
@@ -312,8 +325,8 @@ impl Row {
                 by_current = w.add(by_current, w.mul(square, w.splat(shot.dark_s)));
                 squares = w.add(squares, square);
             }
-            let mean = w.load(&some::<_, WIDE, WHOLE>(shots.dark_mean, p, n));
-            let current = w.load(&some::<_, WIDE, WHOLE>(shots.dark_current, p, n));
+            let mean = w.mul(mean_step, w.steps(&some::<_, WIDE, WHOLE>(shots.dark_mean, p, n)));
+            let current = w.mul(current_step, w.steps(&some::<_, WIDE, WHOLE>(shots.dark_current, p, n)));
             let per = w.where_above_zero(den, w.div(one, den), zero);
             let square = w.mul(per, per);
             let electrons = w.add(w.mul(slope, levels), w.mul(sum, w.sub(offset, mean)));

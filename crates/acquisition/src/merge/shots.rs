@@ -85,9 +85,10 @@ pub(crate) struct Shots<'a> {
     pub(crate) width: usize,
     pub(crate) height: usize,
     pub(crate) ramp: Ramp,
-    /// Dark signal at the mean exposure and current of every pixel.
-    pub(crate) dark_mean: &'a [f32],
-    pub(crate) dark_current: &'a [f32],
+    /// Dark signal at the mean exposure and current of every pixel, in steps, and what a step of either is.
+    pub(crate) dark_mean: &'a [i16],
+    pub(crate) dark_current: &'a [i16],
+    pub(crate) dark_step: [f32; 2],
     pub(crate) dark: &'a DarkModel,
     /// Variances of the dark signal's two parts.
     pub(crate) dark_mean_e2: f32,
@@ -147,7 +148,8 @@ impl<'a> Shots<'a> {
                 }
             })
             .collect();
-        let (dark_mean, dark_current) = dark.lanes();
+        let (mean, current) = dark.lanes();
+        let ((dark_mean, mean_step), (dark_current, current_step)) = (mean.parts(), current.parts());
         let floor = Floor {
             read_e2: sensor.read_variance_e2,
             dark_mean_e2: dark.mean_variance,
@@ -162,6 +164,7 @@ impl<'a> Shots<'a> {
             ramp,
             dark_mean,
             dark_current,
+            dark_step: [mean_step, current_step],
             dark,
             dark_mean_e2: dark.mean_variance as f32,
             dark_current_e2: dark.current_variance as f32,

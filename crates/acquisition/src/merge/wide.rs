@@ -18,6 +18,8 @@ pub(crate) trait Wide: Copy {
     fn pattern(self, of: [f32; 2]) -> Self::F;
     /// Counts as numbers.
     fn counts(self, from: &[u16; WIDE]) -> Self::F;
+    /// Steps of either sign as numbers.
+    fn steps(self, from: &[i16; WIDE]) -> Self::F;
     fn add(self, a: Self::F, b: Self::F) -> Self::F;
     fn sub(self, a: Self::F, b: Self::F) -> Self::F;
     fn mul(self, a: Self::F, b: Self::F) -> Self::F;
@@ -39,6 +41,8 @@ pub(crate) trait Wide: Copy {
     fn most_by_parity(self, v: Self::U) -> [u16; 2];
     /// Whether all are above 0.
     fn all_above_zero(self, v: Self::F) -> bool;
+    /// Asks for what will soon be read, where a machine takes such a hint; nothing where there is no such place.
+    fn ahead<T>(self, of: &[T], at: usize);
 
     #[inline(always)]
     fn splat(self, v: f32) -> Self::F {
@@ -77,6 +81,11 @@ impl Wide for Plain {
 
     #[inline(always)]
     fn counts(self, from: &[u16; WIDE]) -> Self::F {
+        from.map(f32::from)
+    }
+
+    #[inline(always)]
+    fn steps(self, from: &[i16; WIDE]) -> Self::F {
         from.map(f32::from)
     }
 
@@ -149,6 +158,9 @@ impl Wide for Plain {
     fn all_above_zero(self, v: Self::F) -> bool {
         v.iter().all(|v| *v > 0.0)
     }
+
+    #[inline(always)]
+    fn ahead<T>(self, _: &[T], _: usize) {}
 }
 
 /// AVX2.
@@ -179,6 +191,11 @@ impl Wide for Avx2 {
     #[inline(always)]
     fn counts(self, from: &[u16; WIDE]) -> Self::F {
         self.0.convert_i32x8_to_f32x8(self.0.convert_u16x8_to_i32x8(pulp::cast(*from)))
+    }
+
+    #[inline(always)]
+    fn steps(self, from: &[i16; WIDE]) -> Self::F {
+        self.0.convert_i32x8_to_f32x8(self.0.convert_i16x8_to_i32x8(pulp::cast(*from)))
     }
 
     #[inline(always)]
@@ -257,6 +274,13 @@ impl Wide for Avx2 {
     fn all_above_zero(self, v: Self::F) -> bool {
         let mask = self.0.cmp_gt_f32x8(v, self.0.splat_f32x8(0.0));
         self.0.avx2._mm256_movemask_epi8(pulp::cast(mask)) == -1
+    }
+
+    #[inline(always)]
+    fn ahead<T>(self, of: &[T], at: usize) {
+        if let Some(there) = of.get(at) {
+            self.0.sse._mm_prefetch::<{ std::arch::x86_64::_MM_HINT_T0 }>(std::ptr::from_ref(there).cast());
+        }
     }
 }
 

@@ -12,7 +12,7 @@ mod shape;
 
 use gonio_brdf::maps::FitError;
 use gonio_brdf::models::Coat;
-use gonio_brdf::{Flag, Measured};
+use gonio_brdf::{Flag, Grid, Measured};
 
 /// Median departure from reciprocity of measured cells, relative, up to which it may stand in for others. Bins that do not exchange with the lamp's disc
 /// make 0.002, measured wraps 0.02; what a dark colour's own errors make of it is 0.3.
@@ -30,11 +30,16 @@ pub struct Method {
 /// What holes up to the limit and what angles beyond it are filled by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Filling {
-    /// θo up to the limit.
+    /// θo up to the limit, farther than [`NEAR_DEG`] from the mirror direction.
     pub holes: Method,
-    /// Beyond.
+    /// θo up to the limit, nearer.
+    pub near: Method,
+    /// Beyond the limit.
     pub rim: Method,
 }
+
+/// What is near the mirror direction, degrees.
+pub const NEAR_DEG: f64 = 15.0;
 
 impl Filling {
     /// Nothing but what stands around.
@@ -43,21 +48,39 @@ impl Filling {
     pub const BARE: Self = Self::both(Method { reciprocity: true, flake_space: false });
     /// The base under a coat.
     pub const COATED: Self = Self {
-        holes: Method { reciprocity: true, flake_space: true },
         rim: Method { reciprocity: false, flake_space: true },
+        ..Self::both(Method { reciprocity: true, flake_space: true })
     };
+    /// Samples whose measured cells break reciprocity: what the map of all cells knows is the better guide into holes, but not into a lobe.
+    pub const NOT_RECIPROCAL: Self =
+        Self { holes: Method { reciprocity: false, flake_space: true }, ..Self::PLAIN };
 
     /// The same everywhere.
     #[must_use]
     pub const fn both(method: Method) -> Self {
-        Self { holes: method, rim: method }
+        Self { holes: method, near: method, rim: method }
     }
 
     /// The same without reciprocity.
     #[must_use]
     pub fn without_reciprocity(self) -> Self {
         let without = |m: Method| Method { reciprocity: false, ..m };
-        Self { holes: without(self.holes), rim: without(self.rim) }
+        Self { holes: without(self.holes), near: without(self.near), rim: without(self.rim) }
+    }
+
+    const fn uses_flake_space(&self) -> bool {
+        self.holes.flake_space || self.near.flake_space || self.rim.flake_space
+    }
+
+    /// What a cell is filled by.
+    pub(crate) fn method(&self, grid: &Grid, [ti, to, phi]: [usize; 3], limit_deg: f64) -> Method {
+        if grid.theta_o_deg[to] > limit_deg + 1e-9 {
+            self.rim
+        } else if self.near != self.holes && grid.geometry(ti, to, phi).from_mirror().degrees() <= NEAR_DEG {
+            self.near
+        } else {
+            self.holes
+        }
     }
 }
 
@@ -69,7 +92,11 @@ impl std::fmt::Display for Filling {
             (false, true) => "flake space".to_owned(),
             (true, true) => "reciprocity, then flake space".to_owned(),
         };
-        write!(f, "holes: {}; beyond the limit: {}", words(self.holes, "plate"), words(self.rim, "slope"))
+        write!(f, "holes: {}", words(self.holes, "plate"))?;
+        if self.near != self.holes {
+            write!(f, ", within {NEAR_DEG}° of the mirror direction: {}", words(self.near, "plate"))?;
+        }
+        write!(f, "; beyond the limit: {}", words(self.rim, "slope"))
     }
 }
 
@@ -78,10 +105,12 @@ impl std::fmt::Display for Filling {
 /// cells themselves keep it; where they make no flake map, the rest goes on without. What was done comes back.
 pub fn fill(m: &mut Measured, coat: Option<&Coat>, limit_deg: f64) -> Filling {
     let reciprocal = reciprocity::residual(m).is_none_or(|off| off <= LARGEST_RESIDUAL);
-    let usual = if coat.is_some() { Filling::COATED } else { Filling::BARE };
-    // without reciprocity what the map of all cells knows is the better guide into holes
-    let holes = Method { reciprocity: false, flake_space: true };
-    let how = if reciprocal { usual } else { Filling { holes, ..usual.without_reciprocity() } };
+    let how = match (coat, reciprocal) {
+        (Some(_), true) => Filling::COATED,
+        (Some(_), false) => Filling::COATED.without_reciprocity(),
+        (None, true) => Filling::BARE,
+        (None, false) => Filling::NOT_RECIPROCAL,
+    };
     if fill_by(m, coat, limit_deg, how).is_ok() {
         return how;
     }
@@ -99,14 +128,24 @@ pub fn fill_by(m: &mut Measured, coat: Option<&Coat>, limit_deg: f64, how: Filli
     if !m.flag.contains(&Flag::Measured) {
         return Ok(());
     }
-    let shape =
-        if how.holes.flake_space || how.rim.flake_space { Some(shape::Shape::of(m, coat)?) } else { None };
+    let shape = if how.uses_flake_space() { Some(shape::Shape::of(m, coat)?) } else { None };
     reciprocity::fill(m, limit_deg, how);
-    let holes = shape.as_ref().filter(|_| how.holes.flake_space);
-    shape::relative_to(m, holes, |m| {
-        plate::fill(m, limit_deg);
-        continuation::between_rows(m, limit_deg);
-    });
+    let mut other = (how.near.flake_space != how.holes.flake_space).then(|| m.clone());
+    let smooth = |m: &mut Measured, method: Method| {
+        shape::relative_to(m, shape.as_ref().filter(|_| method.flake_space), |m| {
+            plate::fill(m, limit_deg);
+            continuation::between_rows(m, limit_deg);
+        });
+    };
+    smooth(m, how.holes);
+    if let Some(other) = &mut other {
+        smooth(other, how.near);
+        for i in (0..m.flag.len()).filter(|&i| m.flag[i] == Flag::Filled) {
+            if how.method(&m.grid, m.grid.coordinates(i), limit_deg) == how.near {
+                (m.values[i], m.sigma[i]) = (other.values[i], other.sigma[i]);
+            }
+        }
+    }
     let rim = shape.as_ref().filter(|_| how.rim.flake_space);
     shape::relative_to(m, rim, |m| {
         continuation::beyond_limit(m, limit_deg, rim.is_some());

@@ -4,8 +4,14 @@
 //! beside them, from the mean of their neighbours (weighted by inverse squared distance). Slopes go on across the rim of a hole, where a membrane
 //! (each cell the mean of its neighbours) would bend at once. At φ = 0 and 180° the neighbour beyond is the mirror image. The logarithm keeps values
 //! positive; they are held within twice the range of the rim.
+//!
+//! What a sample that looks the same from all sides does depends on the angles between light, view and normal, and the azimuth moves those by no more than
+//! `sin θi sin θo dφ`: at normal incidence not at all. So far out a step in azimuth counts as sin θi long instead of sin θo, but not shorter than a lobe about
+//! the mirror direction would have it.
 
 use gonio_brdf::{Flag, Grid, Measured};
+
+use super::NEAR_DEG;
 
 /// Steps of the conjugate gradients; holes are a few cells wide.
 const STEPS: usize = 600;
@@ -27,9 +33,9 @@ struct Plate {
 }
 
 impl Plate {
-    fn new(grid: &Grid, within: usize, hole: Vec<bool>) -> Self {
+    fn new(grid: &Grid, ti: usize, within: usize, hole: Vec<bool>) -> Self {
         let neighbours: Vec<Vec<(usize, f64)>> =
-            (0..hole.len()).map(|k| neighbours(grid, within, k)).collect();
+            (0..hole.len()).map(|k| neighbours(grid, [ti, within], k)).collect();
         let counted =
             (0..hole.len()).filter(|&k| hole[k] || neighbours[k].iter().any(|(n, _)| hole[*n])).collect();
         Self { neighbours, hole, counted }
@@ -113,11 +119,12 @@ impl Plate {
     }
 }
 
-/// Neighbours of a cell of a row with their shares.
-fn neighbours(grid: &Grid, within: usize, k: usize) -> Vec<(usize, f64)> {
+/// Neighbours of a cell of a row (its number, and how many θo it has) with their shares.
+fn neighbours(grid: &Grid, [ti, within]: [usize; 2], k: usize) -> Vec<(usize, f64)> {
     let np = grid.shape()[2];
     let (o, p) = (k / np, k % np);
-    let sine = grid.theta_o_deg[o].to_radians().sin().max(0.02);
+    let sin = |deg: f64| deg.to_radians().sin();
+    let sine = sin(grid.theta_o_deg[o]).min(sin(grid.theta_i_deg[ti].max(NEAR_DEG))).max(0.02);
     let along = |a: usize, b: usize| 1.0 / (grid.theta_o_deg[a] - grid.theta_o_deg[b]).powi(2);
     let across = |a: usize, b: usize| 1.0 / ((grid.phi_deg[a] - grid.phi_deg[b]) * sine).powi(2);
     let mut out = Vec::with_capacity(4);
@@ -150,7 +157,7 @@ pub(super) fn fill(m: &mut Measured, limit_deg: f64) {
         if count == hole.len() || count * 4 < hole.len() {
             continue;
         }
-        let plate = Plate::new(&grid, within, hole);
+        let plate = Plate::new(&grid, ti, within, hole);
         let reach = plate.reach();
         for c in 0..3 {
             let known = || (0..plate.hole.len()).filter(|k| !plate.hole[*k]);

@@ -2,7 +2,7 @@
 
 use gonio_brdf::{Flag, Measured};
 
-use super::Filling;
+use super::{Filling, NEAR_DEG};
 
 /// Pairs below which a median says nothing.
 const FEWEST: usize = 30;
@@ -20,13 +20,11 @@ pub(super) fn fill(m: &mut Measured, limit_deg: f64, how: Filling) {
         };
         for to in 0..no {
             let beyond = grid.theta_o_deg[to] > limit_deg + 1e-9;
-            if !(if beyond { how.rim } else { how.holes }).reciprocity {
-                continue;
-            }
             let Some((low, high, t)) = between(&grid.theta_i_deg, grid.theta_o_deg[to]) else { continue };
             for phi in 0..np {
                 let index = grid.index(ti, to, phi);
-                if m.flag[index] != Flag::Invalid {
+                if m.flag[index] != Flag::Invalid || !how.method(&grid, [ti, to, phi], limit_deg).reciprocity
+                {
                     continue;
                 }
                 let (a, b) = (grid.index(low, o, phi), grid.index(high, o, phi));
@@ -70,7 +68,7 @@ pub(super) fn residual(m: &Measured) -> Option<f64> {
     for i in (0..grid.len()).filter(|&i| m.flag[i] == Flag::Measured) {
         let cell = grid.coordinates(i);
         let [ti, to, phi] = cell;
-        if grid.geometry(ti, to, phi).from_mirror().degrees() <= 15.0 {
+        if grid.geometry(ti, to, phi).from_mirror().degrees() <= NEAR_DEG {
             continue;
         }
         let Some(j) = swapped(cell).filter(|&j| j > i && m.flag[j] == Flag::Measured) else { continue };

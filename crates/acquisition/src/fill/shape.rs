@@ -67,9 +67,10 @@ impl Shape {
     /// σ of what was made up gains the map's own error, more of it the farther beyond the limit.
     pub(super) fn add_own_error(&self, m: &mut Measured, limit_deg: f64, how: Filling) {
         for i in 0..m.flag.len() {
-            let beyond = m.grid.theta_o_deg[m.grid.coordinates(i)[1]] - limit_deg;
+            let cell = m.grid.coordinates(i);
+            let beyond = m.grid.theta_o_deg[cell[1]] - limit_deg;
             let growth = match m.flag[i] {
-                Flag::Filled if how.holes.flake_space => 1.0,
+                Flag::Filled if how.method(&m.grid, cell, limit_deg).flake_space => 1.0,
                 Flag::Extrapolated if how.rim.flake_space => 1.0 + beyond.max(0.0) / FORGET_DEG,
                 _ => continue,
             };

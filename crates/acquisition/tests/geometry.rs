@@ -93,6 +93,10 @@ fn directions_of_a_misaligned_instrument_come_out_as_surely_as_is_said() {
     let v = verdict::judge(&description, &s, &settings());
     assert!(v.good && v.after.rms_deg.iter().all(|r| *r < 0.03), "{v:?}");
     assert!(v.before.rms_deg[1] > 20.0 * v.after.rms_deg[1]);
+    // a fit that is stopped on its way comes back marked, however sure of itself its covariance is
+    let hasty = Settings { most_steps: 1, ..settings() };
+    let stopped = solve(&problem, &hasty).expect("solves");
+    assert!(!stopped.converged && !verdict::judge(&description, &stopped, &hasty).good);
     // what is measured: directions against the sample's normal, and light against view
     let (found, real) =
         (Optics::with(&description, &s.estimate.instrument), Optics::with(&description, &truth().instrument));

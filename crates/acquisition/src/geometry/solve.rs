@@ -27,6 +27,8 @@ pub struct Settings {
     pub centroid_floor_px: f64,
     /// Standard deviations from which an observation is thrown out.
     pub outlier_sigma: f64,
+    /// Most steps of a descent: one that has not arrived by then has not converged.
+    pub most_steps: usize,
 }
 
 impl Default for Settings {
@@ -36,6 +38,7 @@ impl Default for Settings {
             spin_repeatability_deg: 0.01,
             centroid_floor_px: 0.01,
             outlier_sigma: 5.0,
+            most_steps: 60,
         }
     }
 }
@@ -126,8 +129,6 @@ impl Solution {
 
 /// Fewest spots.
 pub const FEWEST: usize = 8;
-/// Most steps of a descent.
-const MOST_STEPS: usize = 60;
 /// Uncertainties that stand in for the spots' while the fit is far off, pixels.
 const COARSE_PX: [f64; 3] = [2.0, 0.3, 0.0];
 
@@ -374,7 +375,7 @@ fn descent(
     let mut all = observations(problem, settings, row, coarse_px);
     let mut now = cost(&all, row);
     let mut lambda = 1e-3;
-    for step in 0..MOST_STEPS {
+    for step in 0..settings.most_steps {
         let (information, gradient, _) = equations(&all, used);
         let normal = &information + DMatrix::identity(COUNT, COUNT);
         let right = gradient - departures(row, centre);
@@ -410,5 +411,5 @@ fn descent(
             return Ok((step + 1, false));
         }
     }
-    Ok((MOST_STEPS, false))
+    Ok((settings.most_steps, false))
 }

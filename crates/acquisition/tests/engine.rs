@@ -302,6 +302,41 @@ fn an_open_lid_is_waited_for_and_the_frame_it_spoilt_is_taken_again() {
 }
 
 #[test]
+fn a_lamp_that_was_put_out_is_lit_again_and_one_that_stays_dark_ends_the_scan() {
+    let mut engine = Engine::new(setup(ScanKind::Sample));
+    let mut model = Model::default();
+    let dark = || Event::Sensors(Sensors { lamp_monitor: 0.0, ..warm() });
+    for comes_back in [true, true, false] {
+        until(&mut engine, &mut model, |a| matches!(a, Action::Capture { light: true, .. }));
+        engine.handle(Event::Frame(summary(Duration::from_millis(1), f64::INFINITY)));
+        assert_eq!(engine.step(), Step::Do(Action::ReadSensors));
+        engine.handle(dark());
+        for wanted in [Action::Shutter(false), Action::Rearm, Action::Lamp(1.0), Action::Shutter(true)] {
+            engine.handle(Event::Tick(Duration::from_secs(3600)));
+            assert_eq!(engine.step(), Step::Do(wanted));
+            engine.handle(Event::Done);
+        }
+        let Step::Do(Action::Capture { light: true, .. }) = engine.step() else {
+            panic!("the frame is taken again");
+        };
+        engine.handle(Event::Frame(summary(Duration::from_millis(1), f64::INFINITY)));
+        assert_eq!(engine.step(), Step::Do(Action::ReadSensors));
+        engine.handle(if comes_back { Event::Sensors(warm()) } else { dark() });
+    }
+    let outcome = loop {
+        match engine.step() {
+            Step::Do(action) => engine.handle(model.act(&action, None)),
+            Step::End(outcome) => break outcome,
+            Step::Wait => panic!("nothing to wait for"),
+        }
+    };
+    assert!(
+        matches!(&outcome, Outcome::Failed { error: ScanError::Device(e), .. } if e.to_string().contains("the lamp is out"))
+    );
+    assert!(engine.take_notes().iter().any(|n| n.text.contains("it is lit again")));
+}
+
+#[test]
 fn what_does_not_pass_ends_the_scan_at_the_end_of_patience() {
     let mut engine = Engine::new(setup(ScanKind::Sample));
     let mut model = Model::default();

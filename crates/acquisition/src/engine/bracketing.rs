@@ -91,10 +91,7 @@ impl Engine {
         if let (Frame::Taken, Event::Sensors(s)) = (self.frame, event)
             && (s.lamp_monitor.is_nan() || s.lamp_monitor <= LAMP_OUT)
         {
-            return self.fail(ScanError::Device(DeviceError::Fault {
-                fault: format!("a lamp monitor of {}", s.lamp_monitor),
-                advice: "the lamp is out; replace it and continue with --resume".to_owned(),
-            }));
+            return self.relight_or_fail(s.lamp_monitor);
         }
         if let (Frame::Taken, Event::Sensors(s)) = (self.frame, event)
             && self.suspend_for_sensors(s)

@@ -67,6 +67,8 @@ pub struct Engine {
     elapsed: Duration,
     /// Lamp monitor at the first lit frame.
     lamp_reference: Option<f64>,
+    /// The lamp gave no light and was lit again; no light has come since.
+    relit: bool,
     suspension: Option<Suspension>,
     /// When the last suspension ended, and when it had begun.
     resumed_at: Option<(Duration, Duration)>,
@@ -111,6 +113,7 @@ impl Engine {
             frames: 0,
             elapsed: Duration::ZERO,
             lamp_reference: None,
+            relit: false,
             suspension: None,
             resumed_at: None,
             anew: false,

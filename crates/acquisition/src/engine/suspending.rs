@@ -75,10 +75,22 @@ impl Engine {
     pub(super) fn suspend_for_sensors(&mut self, sensors: &Sensors) -> bool {
         let Some(error) = self.unwell(sensors) else {
             self.lamp_reference.get_or_insert(sensors.lamp_monitor);
+            self.relit = false;
             return false;
         };
         self.suspend(Until::SensorsAreWell, error, State::Open);
         true
+    }
+
+    /// A lamp that gives no light. A device puts its lamp out when it has not heard of its host for a minute, as after a sleep: it is lit once more, and the frame
+    /// taken again. A lamp that stays dark then is out.
+    pub(super) fn relight_or_fail(&mut self, monitor: f64) {
+        let found = format!("a lamp monitor of {monitor}");
+        if std::mem::replace(&mut self.relit, true) {
+            let advice = "the lamp is out; replace it and continue with --resume".to_owned();
+            return self.fail(ScanError::Device(DeviceError::Fault { fault: found, advice }));
+        }
+        self.suspend(Until::Rearmed, fault(found, "it is lit again"), State::Open);
     }
 
     /// A frame that is all light at the shortest exposure.

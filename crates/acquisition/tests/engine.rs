@@ -306,13 +306,15 @@ fn a_lamp_that_was_put_out_is_lit_again_and_one_that_stays_dark_ends_the_scan() 
     let mut engine = Engine::new(setup(ScanKind::Sample));
     let mut model = Model::default();
     let dark = || Event::Sensors(Sensors { lamp_monitor: 0.0, ..warm() });
+    let mut seconds = 0;
     for comes_back in [true, true, false] {
         until(&mut engine, &mut model, |a| matches!(a, Action::Capture { light: true, .. }));
         engine.handle(Event::Frame(summary(Duration::from_millis(1), f64::INFINITY)));
         assert_eq!(engine.step(), Step::Do(Action::ReadSensors));
         engine.handle(dark());
         for wanted in [Action::Shutter(false), Action::Rearm, Action::Lamp(1.0), Action::Shutter(true)] {
-            engine.handle(Event::Tick(Duration::from_secs(3600)));
+            seconds += 2;
+            engine.handle(Event::Tick(Duration::from_secs(100 + seconds)));
             assert_eq!(engine.step(), Step::Do(wanted));
             engine.handle(Event::Done);
         }

@@ -19,6 +19,8 @@ const PAINT: &[u8] = br#"{"model":"ashikhmin-shirley-simplified","diffuse":[0.06
 const SEED: u64 = 1;
 /// Shortest and longest exposure.
 const EXPOSURE_S: [f64; 2] = [1e-4, 0.1];
+/// How often a machine is booted anew whose own kernel fell over.
+const AGAIN: u32 = 1;
 /// Longest a run may take besides the watch over frames.
 const LONGEST: Duration = Duration::from_secs(400);
 
@@ -59,10 +61,7 @@ fn main() -> ExitCode {
     let a = Arguments::parse();
     for n in 1..=a.runs {
         let start = Instant::now();
-        let faults = match run(&a) {
-            Ok(faults) => faults,
-            Err(error) => vec![error.to_string()],
-        };
+        let faults = run_again(&a);
         let seconds = start.elapsed().as_secs_f64();
         for fault in &faults {
             gonio_hil::log(fault);
@@ -78,14 +77,44 @@ fn main() -> ExitCode {
 
 type Error = Box<dyn std::error::Error>;
 
-fn run(a: &Arguments) -> Result<Vec<String>, Error> {
+/// What is wrong with a run; nothing if it is good.
+#[derive(Default)]
+struct Faults {
+    list: Vec<String>,
+    /// What the guest's kernel said when it fell over.
+    kernel: Option<String>,
+}
+
+impl From<Vec<String>> for Faults {
+    fn from(list: Vec<String>) -> Self {
+        Self { list, kernel: None }
+    }
+}
+
+/// A run, once more where not the driver failed but the kernel under it.
+fn run_again(a: &Arguments) -> Vec<String> {
+    for left in (0..=AGAIN).rev() {
+        let faults = run(a).unwrap_or_else(|error| vec![error.to_string()].into());
+        match faults.kernel {
+            Some(said) if left > 0 => {
+                gonio_hil::log(&format!(
+                    "the guest's own kernel fell over ({said}); run again, at most {left} more"
+                ));
+            }
+            _ => return faults.list,
+        }
+    }
+    Vec::new()
+}
+
+fn run(a: &Arguments) -> Result<Faults, Error> {
     let tests: Vec<&str> = TESTS
         .iter()
         .map(|(name, _)| *name)
         .filter(|n| a.only.as_ref().is_none_or(|only| n.contains(only.as_str())))
         .collect();
     if tests.is_empty() {
-        return Ok(vec!["no test has such a name".to_owned()]);
+        return Ok(vec!["no test has such a name".to_owned()].into());
     }
     // the first waits until the kernel has found the devices, which the others rely on
     let first = TESTS.first().map(|(name, _)| *name).filter(|name| !tests.contains(name));
@@ -117,11 +146,12 @@ fn run(a: &Arguments) -> Result<Vec<String>, Error> {
         keep(folder.path(), kept)?;
     }
     std::io::stdout().write_all(verdict.table().as_bytes())?;
-    let mut faults = verdict.faults(&ended);
-    if !faults.is_empty() {
-        faults.push(format!("the guest's console ended with\n{}", machine.console_tail()));
+    let mut list = verdict.faults(&ended);
+    let kernel = machine.kernel_fault().filter(|_| !list.is_empty());
+    if !list.is_empty() {
+        list.push(format!("the guest's console ended with\n{}", machine.console_tail()));
     }
-    Ok(faults)
+    Ok(Faults { list, kernel })
 }
 
 /// Evaluates the scans of the guest here, where it is faster.

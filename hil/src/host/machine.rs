@@ -147,6 +147,12 @@ impl Machine {
         std::fs::read(&self.console).map(|b| String::from_utf8_lossy(&b).into_owned()).unwrap_or_default()
     }
 
+    /// What the guest's kernel said when it fell over, if it did: its fault, not that of what is tested on it.
+    #[must_use]
+    pub fn kernel_fault(&self) -> Option<String> {
+        said_fault(&self.console_text()).map(ToOwned::to_owned)
+    }
+
     /// The last lines of the guest's console.
     #[must_use]
     pub fn console_tail(&self) -> String {
@@ -170,6 +176,13 @@ fn said_status(console: &str) -> Option<i32> {
     digits.parse().ok()
 }
 
+/// The line in which a kernel says that it made a mistake.
+fn said_fault(console: &str) -> Option<&str> {
+    let first =
+        |mark: &str| console.lines().find(|l| l.starts_with('[') && l.contains(mark)).map(str::trim_end);
+    first("] BUG: ").or_else(|| first("] Oops")).or_else(|| first("] Kernel panic"))
+}
+
 fn arguments(files: &Files, folder: &Path, console: &Path, sockets: &Sockets) -> Vec<String> {
     let path = |p: &Path| p.display().to_string();
     let mut a: Vec<String> = Vec::new();
@@ -178,7 +191,7 @@ fn arguments(files: &Files, folder: &Path, console: &Path, sockets: &Sockets) ->
     add(&["-machine", "pc", "-accel", "tcg", "-smp", "1", "-m", &MEMORY_MB.to_string()]);
     add(&["-nodefaults", "-no-user-config", "-no-reboot", "-display", "none"]);
     add(&["-kernel", &path(&files.kernel), "-initrd", &path(&files.initrd)]);
-    add(&["-append", "console=ttyS0 quiet panic=-1 mitigations=off"]);
+    add(&["-append", "console=ttyS0 quiet oops=panic panic=-1 mitigations=off"]);
     add(&["-serial", &format!("file:{}", path(console))]);
     add(&["-fsdev", "local,id=host,path=/,security_model=none,readonly=on,multidevs=remap"]);
     add(&["-device", "virtio-9p-pci,fsdev=host,mount_tag=host"]);
@@ -210,6 +223,16 @@ mod tests {
         assert_eq!(said_status("gonio-hil exit code 0\ngonio-hil exit code 3\n"), Some(3));
         assert_eq!(said_status("Kernel panic - not syncing"), None);
         assert_eq!(said_status("gonio-hil exit code "), None);
+    }
+
+    #[test]
+    fn a_kernel_that_fell_over_is_told_from_a_test_that_did() {
+        let console = "[   45.1] Freeing memory\n[   45.2] BUG: kernel NULL pointer dereference, address: 00000000000000b0\r\n[   45.3] Oops: 0002 [#1]\n";
+        assert_eq!(
+            said_fault(console),
+            Some("[   45.2] BUG: kernel NULL pointer dereference, address: 00000000000000b0")
+        );
+        assert_eq!(said_fault("thread 'main' panicked: BUG: of ours\ngonio-hil exit code 1\n"), None);
     }
 
     #[test]

@@ -18,6 +18,8 @@ use crate::noise::Noise;
 
 /// Exposures of a sample's pose, s: from the shortest up to what is dim.
 const SAMPLE_S: [f64; 6] = [2e-5, 3e-4, 3e-3, 2e-2, 1e-1, 5e-1];
+/// The one of a diffuser without noise.
+const QUIET_S: [f64; 1] = [2e-2];
 /// White poses are taken this often.
 const REPEATS: u64 = 3;
 
@@ -30,6 +32,8 @@ pub struct BenchScan {
     noise: Noise,
     /// Relative standard deviation of the lamp monitor, drawn once a pose.
     pub monitor_noise: f64,
+    /// Whether frames come without noise, rounded to counts, and a sample's pose in one exposure: for errors that all pixels share.
+    pub quiet: bool,
     /// Traced pictures of a perfect diffuser by tilt: any other diffuser gives so much less.
     diffusers: HashMap<u64, Arc<RateMap>>,
 }
@@ -53,6 +57,7 @@ impl BenchScan {
             map: Arc::new(PixelMap::new(known)),
             noise: Noise::new(seed),
             monitor_noise: 0.0,
+            quiet: false,
             diffusers: HashMap::new(),
         }
     }
@@ -77,6 +82,7 @@ impl BenchScan {
             }
         };
         let lamp_monitor = 1.0 + self.monitor_noise * self.noise.normal();
+        let top = f64::from(self.map.description().camera.top_code());
         let pose = ((readback.tilt.degrees() * 1e6) as i64, (readback.spin.degrees() * 1e6) as i64);
         let exposures = exposures_s
             .iter()
@@ -90,10 +96,16 @@ impl BenchScan {
                     repeat: k as u64,
                 };
                 let conditions = Conditions { exposure_s, lamp: factor, temperature_c: 35.0 };
+                let pixels = if self.quiet {
+                    let counts = self.sensor.noise_free(&rates.rates, conditions);
+                    counts.into_iter().map(|c| c.round().clamp(0.0, top) as u16).collect()
+                } else {
+                    self.sensor.expose(&rates.rates, conditions, key)
+                };
                 let frame = Frame {
                     width: rates.width,
                     height: rates.height,
-                    pixels: self.sensor.expose(&rates.rates, conditions, key),
+                    pixels,
                     exposure: Duration::from_secs_f64(exposure_s),
                     sequence: k as u64,
                     stamp: Duration::ZERO,
@@ -139,23 +151,24 @@ impl BenchScan {
         tilts: &[f64],
         options: Options,
     ) -> (Measured, Reducer) {
-        self.table_of(white, &OnHolder::Sample(sample), tilts, options)
+        self.table_of(white, &OnHolder::Sample(sample), [tilts, &[0.0]], options)
     }
 
-    /// The same of whatever lies there.
+    /// The same of whatever lies there, at tilts and spins.
     pub fn table_of(
         &mut self,
         white: &WhiteReference,
         on: &OnHolder<'_>,
-        tilts: &[f64],
+        [tilts, spins]: [&[f64]; 2],
         options: Options,
     ) -> (Measured, Reducer) {
         let map = self.map.clone();
         let mut reducer =
             Reducer::new(map.clone(), white.clone(), SampleRecord::default(), options).expect("settings");
-        let poses = reference_plan::on_instrument(&map, &self.plan(tilts)).poses();
+        let plan = Plan { spin_deg: spins.to_vec(), ..self.plan(tilts) };
+        let poses = reference_plan::on_instrument(&map, &plan).poses();
         for (k, pose) in poses.into_iter().enumerate() {
-            let record = self.pose(on, k as u32, pose, &SAMPLE_S);
+            let record = self.pose(on, k as u32, pose, if self.quiet { &QUIET_S } else { &SAMPLE_S });
             reducer.add_pose(&record).expect("frames of this camera");
         }
         (reducer.finish(), reducer)

@@ -11,9 +11,10 @@ const SEED: u64 = 1;
 const REPEATS: u64 = 500;
 /// Reflectance of the sample, a perfect diffuser by the law.
 const REFLECTANCE: f64 = 0.5;
-/// Angles of incidence, degrees: enough poses for the scatter of the lamp's readings.
+/// Angles of incidence, degrees, and spins of each: as many poses as it takes to know the scatter of the lamp's readings.
 const TILTS: [f64; 5] = [15.0, 20.0, 25.0, 30.0, 35.0];
-/// The row that is looked at: one pose.
+const SPINS: u32 = 24;
+/// The row that is looked at.
 const ROW_DEG: f64 = 25.0;
 
 /// Mean of value over truth in one row, and the mean relative size of the part of σ that its cells share.
@@ -39,25 +40,30 @@ fn row(table: &Measured) -> (f64, f64) {
     (sum / n, common / n)
 }
 
-/// z of the common part for readings that scatter by `monitor_noise` from pose to pose.
+/// z of the common part for readings that scatter by `monitor_noise` from pose to pose. Frames are without noise: the pixels' own would not average to nothing
+/// over a row, and has figures of its own.
 fn scores(monitor_noise: f64) -> Vec<f64> {
     let d = builtin::description("tiny").expect("built in").expect("readable");
     let certificate = Certificate::virtual_white().relative_uncertainty;
     let mut bench = BenchScan::new(&d, &Misalignment::default(), SEED);
     bench.monitor_noise = monitor_noise;
+    bench.quiet = true;
+    let spins: Vec<f64> = (0..SPINS).map(|k| 360.0 / f64::from(SPINS) * f64::from(k)).collect();
+    let at = [&TILTS[..], &spins];
     let mut noise = Noise::new(SEED);
     let options = || Options { fill: false, ..Options::default() };
     // what remains without any error to draw: how the grid and the quadrature see the truth
     let mut exact = BenchScan::new(&d, &Misalignment::default(), SEED);
+    exact.quiet = true;
     let white = exact.white(&TILTS);
-    let none = row(&exact.table_of(&white, &OnHolder::Diffuser(REFLECTANCE, 1), &TILTS, options()).0).0;
+    let none = row(&exact.table_of(&white, &OnHolder::Diffuser(REFLECTANCE, 1), at, options()).0).0;
     (0..REPEATS)
         .map(|repeat| {
             bench.reseed(SEED + repeat);
             let real = 0.98 * (1.0 + certificate * noise.normal());
             let white = bench.white_of(&OnHolder::Diffuser(real, 2 * repeat + 2), &TILTS);
             let sample = OnHolder::Diffuser(REFLECTANCE, 2 * repeat + 3);
-            let (value, sigma) = row(&bench.table_of(&white, &sample, &TILTS, options()).0);
+            let (value, sigma) = row(&bench.table_of(&white, &sample, at, options()).0);
             (value / none - 1.0) / sigma
         })
         .collect()

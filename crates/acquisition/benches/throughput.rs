@@ -10,6 +10,7 @@ use std::hint::black_box;
 use std::time::{Duration, Instant};
 
 use gonio_acquisition::dark::{DarkFrames, DarkModel};
+use gonio_acquisition::lamp::Scatter;
 use gonio_acquisition::sensor::Sensor;
 use gonio_acquisition::weights::Weights;
 use gonio_acquisition::{PixelMap, Sweep, WhiteReference};
@@ -169,7 +170,8 @@ fn bench() {
         scale: vec![GAIN as f32; n],
         relative_variance: vec![1e-5; n],
         certificate_uncertainty: 0.0,
-        lamp_relative: 0.0,
+        lamp: Scatter::default(),
+        lamp_share: 0.0,
         law: Vec::new(),
         stray_relative: 0.0,
         own_light: 0.0,

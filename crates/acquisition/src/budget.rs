@@ -121,20 +121,20 @@ pub fn summary(table: &Measured) -> Option<Summary> {
 }
 
 /// Effective degrees of freedom after Welch and Satterthwaite, `u⁴ / Σ uᵢ⁴/νᵢ`, from relative parts as [`PARTS`] names them: flakes are known from
-/// `spins` values, the lamp from `monitor` readings, everything else counts as known. Infinite where nothing is limited.
+/// `spins` values, the lamp with as many as are given, everything else counts as known. Infinite where nothing is limited.
 #[must_use]
-pub fn degrees_of_freedom(relative: &[f64; 9], spins: u32, monitor: u32) -> f64 {
+pub fn degrees_of_freedom(relative: &[f64; 9], spins: u32, lamp: f64) -> f64 {
     let total: f64 = relative.iter().map(|u| u * u).sum();
     let limited: f64 = PARTS
         .iter()
         .zip(relative)
         .map(|(part, u)| {
             let freedom = match *part {
-                "flakes" => spins.saturating_sub(1),
-                "lamp" => monitor.saturating_sub(2),
+                "flakes" => f64::from(spins.saturating_sub(1)),
+                "lamp" => lamp,
                 _ => return 0.0,
             };
-            if *u == 0.0 { 0.0 } else { u.powi(4) / f64::from(freedom.max(1)) }
+            if *u == 0.0 { 0.0 } else { u.powi(4) / freedom.max(1.0) }
         })
         .sum();
     if limited > 0.0 { total * total / limited } else { f64::INFINITY }
@@ -198,11 +198,11 @@ mod tests {
     #[test]
     fn few_spins_leave_few_degrees_of_freedom() {
         let mut u = [0.0; 9];
-        assert_eq!(degrees_of_freedom(&u, 1, 1), f64::INFINITY);
+        assert_eq!(degrees_of_freedom(&u, 1, 1.0), f64::INFINITY);
         u[4] = 0.01;
-        assert!((degrees_of_freedom(&u, 4, 9) - 3.0).abs() < 1e-9);
+        assert!((degrees_of_freedom(&u, 4, 9.0) - 3.0).abs() < 1e-9);
         // a part of the same size that is known doubles the variance: four times the freedom
         u[0] = 0.01;
-        assert!((degrees_of_freedom(&u, 4, 9) - 12.0).abs() < 1e-9);
+        assert!((degrees_of_freedom(&u, 4, 9.0) - 12.0).abs() < 1e-9);
     }
 }

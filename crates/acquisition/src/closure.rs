@@ -13,6 +13,7 @@ use gonio_optics::{Angle, fresnel};
 
 use crate::cells::Cell;
 use crate::coat::Gloss;
+use crate::lamp::Scatter;
 use crate::reference::WhiteReference;
 
 /// Cells nearer to the mirror direction take no part: there a lobe changes within a cell.
@@ -162,9 +163,9 @@ pub fn reciprocity(m: &Measured) -> Check {
     Check::of(name, value, expected, value <= MARGIN * expected, words)
 }
 
-/// The law of cos θi by the white reference; `angle` is a direction's standard uncertainty.
+/// The law of cos θi by the white reference; `angle` is a direction's standard uncertainty, `lamp` how much the lamp's monitor scatters from pose to pose.
 #[must_use]
-pub fn white_cosine(white: &WhiteReference, angle: Angle) -> Check {
+pub fn white_cosine(white: &WhiteReference, angle: Angle, lamp: Scatter) -> Check {
     let name = NAMES[1];
     if white.law.len() < 2 {
         return Check::not(
@@ -174,9 +175,11 @@ pub fn white_cosine(white: &WhiteReference, angle: Angle) -> Check {
     }
     let each = white.law.iter().map(|l| {
         let tilt = Angle::from_degrees(l.theta_i_deg).tan().abs() * angle.radians();
-        // the lamp errs in each pose by what its mean keeps times the root of the poses
-        let lamp = white.lamp_relative * (white.law.len() as f64).sqrt();
-        (l.departure, l.sigma.hypot(tilt).hypot(lamp).hypot(white.stray_relative).max(1e-9), l.theta_i_deg)
+        (
+            l.departure,
+            l.sigma.hypot(tilt).hypot(lamp.sigma).hypot(white.stray_relative).max(1e-9),
+            l.theta_i_deg,
+        )
     });
     let worst = each.max_by(|a, b| (a.0 / a.1).abs().total_cmp(&(b.0 / b.1).abs()));
     let (value, expected, at) = worst.unwrap_or((0.0, 1.0, 0.0));

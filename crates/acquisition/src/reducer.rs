@@ -18,7 +18,7 @@ use crate::coat::{self, CoatFit, Gloss, Verdict};
 use crate::dark::{DarkFrames, DarkModel};
 use crate::error::AcquisitionError;
 use crate::fill::{Filling, fill, fill_by};
-use crate::lamp;
+use crate::lamp::Scatter;
 use crate::merge::{check_frames, merge};
 use crate::options::{ClearCoat, Options};
 use crate::pixel_map::{PixelMap, PoseView};
@@ -267,6 +267,14 @@ impl Reducer {
         self.repeated
     }
 
+    /// How much the lamp's monitor scatters from pose to pose, by the readings of the sample and those of the white reference together: a reference of a few
+    /// poses tells little of it by itself.
+    #[must_use]
+    pub fn lamp(&self) -> Scatter {
+        let readings: Vec<f64> = self.statistics.iter().map(|s| s.lamp_monitor).collect();
+        Scatter::of(&readings).with(self.white.lamp)
+    }
+
     /// The white reference.
     #[must_use]
     pub const fn white(&self) -> &WhiteReference {
@@ -295,7 +303,7 @@ impl Reducer {
     #[must_use]
     pub fn azimuth_table(&self) -> Anisotropic {
         let meaning = Meaning::CellMean { lamp_half_angle: self.map.description().lamp.half_angle() };
-        let common = self.white.certificate_uncertainty.hypot(self.white.lamp_relative);
+        let common = self.white.certificate_uncertainty.hypot(self.white.lamp_share * self.lamp().sigma);
         let o = &self.options;
         let mut t = self.azimuths.table(&o.grid, meaning, o.limit_deg, common);
         let corrections = Corrections {
@@ -394,10 +402,11 @@ impl Reducer {
 
     /// The table, its budget, and the number of measured cells.
     fn table(&self, filling: &dyn Fn(&mut Measured, Option<&Coat>)) -> (Measured, Budget, usize) {
+        let lamp = self.lamp().sigma;
         let common = Common {
             certificate: self.white.certificate_uncertainty,
-            lamp: lamp::scatter(&self.statistics.iter().map(|s| s.lamp_monitor).collect::<Vec<_>>()),
-            white_lamp: self.white.lamp_relative,
+            lamp,
+            white_lamp: self.white.lamp_share * lamp,
             angle: Angle::from_degrees(self.options.angle_uncertainty_deg),
             lamp_half_angle: self.map.description().lamp.half_angle(),
         };

@@ -16,6 +16,7 @@ use rayon::prelude::*;
 
 use crate::dark::{DarkFrames, DarkModel};
 use crate::error::AcquisitionError;
+use crate::lamp::Scatter;
 use crate::merge::merge;
 use crate::options::Options;
 use crate::pixel_map::PixelMap;
@@ -40,8 +41,10 @@ pub struct WhiteReference {
     pub relative_variance: Vec<f32>,
     /// Relative standard uncertainty of the certificate, common to everything.
     pub certificate_uncertainty: f64,
-    /// Relative standard uncertainty that the lamp monitor's scatter from pose to pose left, common to everything.
-    pub lamp_relative: f64,
+    /// How much the lamp's monitor scattered from pose to pose.
+    pub lamp: Scatter,
+    /// What is left of one reading's scatter in the scale, common to everything: one over the root of the poses that a pixel is known from.
+    pub lamp_share: f64,
     /// Serial number of the reference.
     pub serial: String,
     /// What was accepted though it should not have been; stands in the attributes.
@@ -63,7 +66,7 @@ impl WhiteReference {
         let stray = description.radiometry.as_ref().and_then(|r| r.stray.as_ref());
         let kappa = stray.and_then(|s| s.face).map_or(0.0, |k| k.sigma);
         self.certificate_uncertainty
-            .hypot(self.lamp_relative)
+            .hypot(self.lamp_share * self.lamp.sigma)
             .hypot(self.stray_relative)
             .hypot(kappa * self.own_light)
     }
@@ -343,7 +346,6 @@ impl WhiteBuilder {
             .map(|s| s.expected2 / (s.expected * s.expected))
             .collect();
         let share = (seen.iter().sum::<f64>() / seen.len().max(1) as f64).sqrt();
-        let lamp_relative = share * crate::lamp::scatter(&self.monitors);
         let mut scale = scale;
         let law = self.law(&scale);
         let stray_relative =
@@ -360,7 +362,8 @@ impl WhiteBuilder {
             scale,
             relative_variance,
             certificate_uncertainty: self.certificate.relative_uncertainty,
-            lamp_relative,
+            lamp: Scatter::of(&self.monitors),
+            lamp_share: share,
             serial: self.certificate.serial,
             notes,
             law,

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use gonio_acquisition::dark::DarkModel;
+use gonio_acquisition::lamp::Scatter;
 use gonio_acquisition::merge::merge;
 use gonio_acquisition::sensor::Sensor;
 use gonio_acquisition::{Options, PixelMap, Reducer, WhiteReference};
@@ -40,7 +41,8 @@ fn white(pixels: usize) -> WhiteReference {
         scale: vec![2e5; pixels],
         relative_variance: vec![1e-6; pixels],
         certificate_uncertainty: 0.005,
-        lamp_relative: 0.0,
+        lamp: Scatter::default(),
+        lamp_share: 0.0,
         serial: String::new(),
         notes: Vec::new(),
         stray_relative: 0.0,

@@ -27,16 +27,16 @@ pub fn checks(
     again: &[Measured],
 ) -> Vec<Check> {
     let white = reducer.white();
-    let monitor: Vec<f64> = reducer.statistics().iter().map(|s| s.lamp_monitor).collect();
+    let lamp = reducer.lamp();
     let d = calibrated.map.description();
     let common = white.common_relative(d);
     let index = d.radiometry.as_ref().and_then(|r| r.gloss.as_ref()).map_or(BLACK_GLASS_INDEX, |g| g.index);
     let tables: Vec<&Measured> = std::iter::once(table).chain(again).collect();
     vec![
         closure::reciprocity(table),
-        closure::white_cosine(white, reducer.angle_uncertainty()),
+        closure::white_cosine(white, reducer.angle_uncertainty(), lamp),
         closure::black_glass(&black_glass(calibrated), index, common),
-        closure::first_pose(reducer.repeated(), gonio_acquisition::lamp::scatter(&monitor)),
+        closure::first_pose(reducer.repeated(), lamp.sigma),
         closure::remounting(&tables),
     ]
 }

@@ -2,9 +2,9 @@
 
 use std::time::Duration;
 
-use gonio_instrument::{DeviceError, ScanKind};
+use gonio_instrument::ScanKind;
 
-use super::{Action, Engine, Event, Frame, ScanError, State};
+use super::{Action, Engine, Event, Frame, State};
 use crate::bracket::Bracket;
 
 /// Lamp monitor at and below which there is no light to speak of.

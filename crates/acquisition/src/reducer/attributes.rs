@@ -120,8 +120,7 @@ impl Reducer {
         put("uncertainty_budget_relative_rms", parts.join(", "));
         put("coverage_factor", "1".to_owned());
         let spins = self.rows.iter().map(Row::poses).filter(|n| *n > 0).min().unwrap_or(0);
-        let monitor = self.statistics.iter().map(|s| s.exposures).min().unwrap_or(0);
-        let freedom = crate::budget::degrees_of_freedom(&budget.relative, spins, monitor);
+        let freedom = crate::budget::degrees_of_freedom(&budget.relative, spins, self.lamp().freedom);
         put(
             "degrees_of_freedom",
             if freedom.is_finite() { format!("{freedom:.0}") } else { "infinite".to_owned() },

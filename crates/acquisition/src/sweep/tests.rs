@@ -9,6 +9,7 @@ use gonio_optics::Vec3;
 use super::{Sweep, Swept};
 use crate::cells::{PixelValue, per_rate, sum};
 use crate::dark::{DarkFrames, DarkModel};
+use crate::lamp::Scatter;
 use crate::merge::shots::Shots;
 use crate::merge::wide::{self, Plain, Task};
 use crate::merge::{MergedPose, merge};
@@ -48,7 +49,8 @@ impl Bench {
                 .collect(),
             relative_variance: (0..n).map(|p| 1e-5 * (1.0 + 0.2 * chance(3, p) as f32)).collect(),
             certificate_uncertainty: 0.0,
-            lamp_relative: 0.0,
+            lamp: Scatter::default(),
+            lamp_share: 0.0,
             serial: String::new(),
             notes: Vec::new(),
             law: Vec::new(),

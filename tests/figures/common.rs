@@ -5,7 +5,8 @@ use crate::bench_scan::{BenchScan, OnHolder};
 use crate::noise::Noise;
 use gonio_acquisition::Options;
 use gonio_brdf::{Flag, Measured};
-use gonio_instrument::{Certificate, Misalignment, builtin};
+use gonio_instrument::{Certificate, Description, Misalignment, builtin};
+use rayon::prelude::*;
 
 const SEED: u64 = 1;
 const REPEATS: u64 = 500;
@@ -17,9 +18,9 @@ const SPINS: u32 = 24;
 /// The row that is looked at.
 const ROW_DEG: f64 = 25.0;
 
-/// Mean of value over truth in one row, and the mean relative size of the part of σ that its cells share.
-fn row(table: &Measured) -> (f64, f64) {
-    let (mut sum, mut common, mut n) = (0.0, 0.0, 0.0);
+/// Value and relative size of the part of σ that cells share, cell by cell and channel by channel of one row.
+fn row(table: &Measured) -> Vec<[f64; 2]> {
+    let mut out = Vec::new();
     for i in (0..table.grid.len()).filter(|&i| table.flag[i] == Flag::Measured) {
         let [ti, to, phi] = table.grid.coordinates(i);
         if (table.grid.theta_i_deg[ti] - ROW_DEG).abs() > 0.1 || (to == 0 && phi > 0) {
@@ -27,45 +28,54 @@ fn row(table: &Measured) -> (f64, f64) {
         }
         for c in 0..3 {
             let f = f64::from(table.values[i][c]);
-            let shared: f64 = ["certificate", "lamp"]
-                .iter()
-                .filter_map(|p| table.sigma_parts.get(*p))
-                .map(|p| (f64::from(p[i][c]) / f).powi(2))
-                .sum();
-            sum += f / (REFLECTANCE / std::f64::consts::PI);
-            common += shared.sqrt();
-            n += 1.0;
+            let parts = ["certificate", "lamp"].iter().filter_map(|p| table.sigma_parts.get(*p));
+            let shared: f64 = parts.map(|p| (f64::from(p[i][c]) / f).powi(2)).sum();
+            out.push([f, shared.sqrt()]);
         }
     }
-    (sum / n, common / n)
+    out
 }
 
-/// z of the common part for readings that scatter by `monitor_noise` from pose to pose. Frames are without noise: the pixels' own would not average to nothing
-/// over a row, and has figures of its own.
+/// A quiet bench whose lamp readings scatter by `monitor_noise` from pose to pose.
+fn bench(d: &Description, monitor_noise: f64) -> BenchScan {
+    let mut bench = BenchScan::new(d, &Misalignment::default(), SEED);
+    (bench.monitor_noise, bench.quiet) = (monitor_noise, true);
+    bench
+}
+
+/// z of the common part of every cell for readings that scatter by `monitor_noise` from pose to pose. Frames are without noise: the pixels' own has figures of
+/// its own.
 fn scores(monitor_noise: f64) -> Vec<f64> {
     let d = builtin::description("tiny").expect("built in").expect("readable");
     let certificate = Certificate::virtual_white().relative_uncertainty;
-    let mut bench = BenchScan::new(&d, &Misalignment::default(), SEED);
-    bench.monitor_noise = monitor_noise;
-    bench.quiet = true;
     let spins: Vec<f64> = (0..SPINS).map(|k| 360.0 / f64::from(SPINS) * f64::from(k)).collect();
-    let at = [&TILTS[..], &spins];
-    let mut noise = Noise::new(SEED);
-    let options = || Options { fill: false, ..Options::default() };
+    // for a white reference of this reflectance
+    let one = |bench: &mut BenchScan, reflectance: f64| {
+        let white = bench.white_of(&OnHolder::Diffuser(reflectance, 1), &TILTS);
+        let sample = OnHolder::Diffuser(REFLECTANCE, 2);
+        row(&bench
+            .table_of(&white, &sample, [&TILTS, &spins], Options { fill: false, ..Options::default() })
+            .0)
+    };
     // what remains without any error to draw: how the grid and the quadrature see the truth
-    let mut exact = BenchScan::new(&d, &Misalignment::default(), SEED);
-    exact.quiet = true;
-    let white = exact.white(&TILTS);
-    let none = row(&exact.table_of(&white, &OnHolder::Diffuser(REFLECTANCE, 1), at, options()).0).0;
+    let none = one(&mut bench(&d, 0.0), 0.98);
     (0..REPEATS)
-        .map(|repeat| {
-            bench.reseed(SEED + repeat);
-            let real = 0.98 * (1.0 + certificate * noise.normal());
-            let white = bench.white_of(&OnHolder::Diffuser(real, 2 * repeat + 2), &TILTS);
-            let sample = OnHolder::Diffuser(REFLECTANCE, 2 * repeat + 3);
-            let (value, sigma) = row(&bench.table_of(&white, &sample, at, options()).0);
-            (value / none - 1.0) / sigma
-        })
+        .into_par_iter()
+        .map_init(
+            || bench(&d, monitor_noise),
+            |bench, repeat| {
+                bench.reseed(SEED + repeat);
+                let drawn = Noise::new(u64::MAX - repeat).normal();
+                let cells = one(bench, 0.98 * (1.0 + certificate * drawn));
+                assert_eq!(cells.len(), none.len(), "the same cells each time");
+                cells
+                    .iter()
+                    .zip(&none)
+                    .map(|([f, sigma], [right, _])| (f / right - 1.0) / sigma)
+                    .collect::<Vec<_>>()
+            },
+        )
+        .flatten()
         .collect()
 }
 
@@ -77,7 +87,7 @@ pub fn figures() -> Vec<Figure> {
         let rms = (z.iter().map(|v| v * v).sum::<f64>() / n).sqrt();
         let held = z.iter().filter(|v| v.abs() <= 1.959_964).count() as f64 / n;
         out.push(Figure::within(
-            format!("common part, {name}: z over {n} repeats, r.m.s."),
+            format!("common part, {name}: z of its cells over {REPEATS} repeats, r.m.s."),
             rms,
             0.95,
             1.05,

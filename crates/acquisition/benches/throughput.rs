@@ -171,7 +171,7 @@ fn bench() {
         relative_variance: vec![1e-5; n],
         certificate_uncertainty: 0.0,
         lamp: Scatter::default(),
-        lamp_share: 0.0,
+        lamp_share: Vec::new(),
         law: Vec::new(),
         stray_relative: 0.0,
         own_light: 0.0,

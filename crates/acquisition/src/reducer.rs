@@ -76,7 +76,9 @@ pub struct Reducer {
     /// What its own uncertainty leaves in f, row by row: sum of squares over poses, and their number.
     stray_rows: Vec<([f64; 3], u32)>,
     rows: Vec<Row>,
-    /// The same with the pixels of a gloss replaced by the base around it.
+    /// What one reading's scatter leaves in the white reference's pixels that a row uses.
+    white_shares: Vec<f64>,
+    /// `rows` with the pixels of a gloss replaced by the base around it.
     rows_without_gloss: Vec<Row>,
     /// Largest share of a cell's weight that a gloss hid, over the whole grid.
     hidden: Vec<f32>,
@@ -117,6 +119,7 @@ impl Reducer {
             stray: Stray::of(&map),
             stray_rows: vec![([0.0; 3], 0); options.grid.theta_i_deg.len()],
             rows: vec![Row::default(); options.grid.theta_i_deg.len()],
+            white_shares: vec![0.0; options.grid.theta_i_deg.len()],
             rows_without_gloss: vec![Row::default(); options.grid.theta_i_deg.len()],
             hidden: vec![0.0; options.grid.len()],
             gloss: Vec::new(),
@@ -170,7 +173,13 @@ impl Reducer {
         let tilt = match self.last.take().filter(|l| l.key == key) {
             Some(same) => self.last.insert(same),
             None => {
-                self.last.insert(Tilt::new(key, &self.map, self.map.view(pose), &self.white, &self.options))
+                let tilt = Tilt::new(key, &self.map, self.map.view(pose), &self.white, &self.options);
+                let lowest = self.options.limit_deg.to_radians().cos();
+                let used = |p: usize| {
+                    tilt.view.visible[p] && tilt.view.sample_from_lab.apply(self.map.direction(p)).z > lowest
+                };
+                self.white_shares[ti] = self.white.lamp_share(used);
+                self.last.insert(tilt)
             }
         };
         let swept = match &self.stray {
@@ -303,7 +312,8 @@ impl Reducer {
     #[must_use]
     pub fn azimuth_table(&self) -> Anisotropic {
         let meaning = Meaning::CellMean { lamp_half_angle: self.map.description().lamp.half_angle() };
-        let common = self.white.certificate_uncertainty.hypot(self.white.lamp_share * self.lamp().sigma);
+        let common =
+            self.white.certificate_uncertainty.hypot(self.white.lamp_share(|_| true) * self.lamp().sigma);
         let o = &self.options;
         let mut t = self.azimuths.table(&o.grid, meaning, o.limit_deg, common);
         let corrections = Corrections {
@@ -406,7 +416,7 @@ impl Reducer {
         let common = Common {
             certificate: self.white.certificate_uncertainty,
             lamp,
-            white_lamp: self.white.lamp_share * lamp,
+            white_lamp: self.white_shares.iter().map(|share| share * lamp).collect(),
             angle: Angle::from_degrees(self.options.angle_uncertainty_deg),
             lamp_half_angle: self.map.description().lamp.half_angle(),
         };

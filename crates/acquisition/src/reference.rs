@@ -43,8 +43,8 @@ pub struct WhiteReference {
     pub certificate_uncertainty: f64,
     /// How much the lamp's monitor scattered from pose to pose.
     pub lamp: Scatter,
-    /// What is left of one reading's scatter in the scale, common to everything: one over the root of the poses that a pixel is known from.
-    pub lamp_share: f64,
+    /// Per pixel what is left of one reading's scatter in `scale`: one over the root of the poses that it is known from. 0 where it is not known.
+    pub lamp_share: Vec<f32>,
     /// Serial number of the reference.
     pub serial: String,
     /// What was accepted though it should not have been; stands in the attributes.
@@ -59,6 +59,14 @@ pub struct WhiteReference {
 }
 
 impl WhiteReference {
+    /// What is left of one reading's scatter over the pixels that are `used`, root mean square: they share most of it.
+    #[must_use]
+    pub fn lamp_share(&self, used: impl Fn(usize) -> bool) -> f64 {
+        let known = self.lamp_share.iter().enumerate().filter(|(p, s)| **s > 0.0 && used(*p));
+        let (sum, n) = known.fold((0.0, 0.0f64), |(sum, n), (_, s)| (sum + f64::from(*s).powi(2), n + 1.0));
+        (sum / n.max(1.0)).sqrt()
+    }
+
     /// Relative standard uncertainty that all cells share by this reference: certificate, lamp, stray light, and what a description's κ leaves of the
     /// light that the reference sent back to itself.
     #[must_use]
@@ -66,7 +74,7 @@ impl WhiteReference {
         let stray = description.radiometry.as_ref().and_then(|r| r.stray.as_ref());
         let kappa = stray.and_then(|s| s.face).map_or(0.0, |k| k.sigma);
         self.certificate_uncertainty
-            .hypot(self.lamp_share * self.lamp.sigma)
+            .hypot(self.lamp_share(|_| true) * self.lamp.sigma)
             .hypot(self.stray_relative)
             .hypot(kappa * self.own_light)
     }
@@ -339,13 +347,11 @@ impl WhiteBuilder {
         if scale.iter().all(|k| k.is_nan()) {
             return Err(AcquisitionError::EmptyReference);
         }
-        let seen: Vec<f64> = self
+        let lamp_share = self
             .sums
             .iter()
-            .filter(|s| s.expected > 0.0)
-            .map(|s| s.expected2 / (s.expected * s.expected))
+            .map(|s| if s.expected > 0.0 { (s.expected2.sqrt() / s.expected) as f32 } else { 0.0 })
             .collect();
-        let share = (seen.iter().sum::<f64>() / seen.len().max(1) as f64).sqrt();
         let mut scale = scale;
         let law = self.law(&scale);
         let stray_relative =
@@ -363,7 +369,7 @@ impl WhiteBuilder {
             relative_variance,
             certificate_uncertainty: self.certificate.relative_uncertainty,
             lamp: Scatter::of(&self.monitors),
-            lamp_share: share,
+            lamp_share,
             serial: self.certificate.serial,
             notes,
             law,

@@ -22,14 +22,14 @@ pub struct Budget {
 }
 
 /// What σ needs beside the rows.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Common {
     /// Relative standard uncertainty of the certificate.
     pub certificate: f64,
     /// Relative standard deviation of the lamp monitor's reading from pose to pose.
     pub lamp: f64,
-    /// What the same brought to the white reference, relative.
-    pub white_lamp: f64,
+    /// What the same brought to the white reference, relative, row by row.
+    pub white_lamp: Vec<f64>,
     /// Of a direction.
     pub angle: Angle,
     /// Radius α of the lamp.
@@ -52,7 +52,7 @@ pub fn assemble(grid: &Grid, rows: &[Row], common: &Common, limit_deg: f64) -> (
         // within the poses, between them, and between those of the white reference
         let lamp2 = row.lamp_relative().powi(2)
             + common.lamp.powi(2) / f64::from(row.poses().max(1))
-            + common.white_lamp.powi(2);
+            + common.white_lamp[ti].powi(2);
         for k in 0..no * np {
             let Some(cell) = cells[k] else { continue };
             let slope2 = slope_squared(grid, &cells, k / np, k % np);

@@ -42,7 +42,7 @@ fn white(pixels: usize) -> WhiteReference {
         relative_variance: vec![1e-6; pixels],
         certificate_uncertainty: 0.005,
         lamp: Scatter::default(),
-        lamp_share: 0.0,
+        lamp_share: Vec::new(),
         serial: String::new(),
         notes: Vec::new(),
         stray_relative: 0.0,

@@ -50,7 +50,7 @@ impl Bench {
             relative_variance: (0..n).map(|p| 1e-5 * (1.0 + 0.2 * chance(3, p) as f32)).collect(),
             certificate_uncertainty: 0.0,
             lamp: Scatter::default(),
-            lamp_share: 0.0,
+            lamp_share: Vec::new(),
             serial: String::new(),
             notes: Vec::new(),
             law: Vec::new(),

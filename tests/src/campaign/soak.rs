@@ -3,6 +3,7 @@
 //! The tiny instrument runs two hundred times faster than life. Its line loses, damages, repeats and overtakes; now and then its plug is pulled; its
 //! camera drops, tears, freezes, repeats and delays frames. Each scan draws its own faults.
 
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 use gonio_acquisition::PixelMap;
@@ -101,7 +102,8 @@ pub fn figures(settings: &Settings) -> Vec<Figure> {
             Session::open(&path).map_or(0, |s| s.poses().flatten().map(|p| p.exposures.len() as u64).sum());
         unaccounted += u64::from(kept > counts.sound);
         memory.push(resident_kib());
-        descriptors.push(open_descriptors());
+        // beside other tests in one process only what is open of this campaign's own files is its own
+        descriptors.push(open_descriptors((!settings.timed).then(|| folder.path())));
     }
     let size = format!("{} scans in {:.0} s", grouped(scans), begun.elapsed().as_secs_f64());
     let settled = memory.get(WARM.min(memory.len() / 3)..).unwrap_or(&memory);
@@ -159,6 +161,11 @@ fn resident_kib() -> u64 {
     line.split_whitespace().nth(1).and_then(|n| n.parse().ok()).unwrap_or(0)
 }
 
-fn open_descriptors() -> u64 {
-    std::fs::read_dir("/proc/self/fd").map_or(0, |d| d.count() as u64)
+/// Descriptors that this process has open, all or those of files in a folder.
+fn open_descriptors(within: Option<&Path>) -> u64 {
+    let Ok(all) = std::fs::read_dir("/proc/self/fd") else { return 0 };
+    let counts = |at: &Path| {
+        within.is_none_or(|folder| std::fs::read_link(at).is_ok_and(|target| target.starts_with(folder)))
+    };
+    all.flatten().filter(|e| counts(&e.path())).count() as u64
 }

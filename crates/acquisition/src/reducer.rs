@@ -178,7 +178,7 @@ impl Reducer {
                 let used = |p: usize| {
                     tilt.view.visible[p] && tilt.view.sample_from_lab.apply(self.map.direction(p)).z > lowest
                 };
-                self.white_shares[ti] = self.white.lamp_share(used);
+                self.white_shares[ti] = self.white.share_of_lamp(used);
                 self.last.insert(tilt)
             }
         };
@@ -313,7 +313,7 @@ impl Reducer {
     pub fn azimuth_table(&self) -> Anisotropic {
         let meaning = Meaning::CellMean { lamp_half_angle: self.map.description().lamp.half_angle() };
         let common =
-            self.white.certificate_uncertainty.hypot(self.white.lamp_share(|_| true) * self.lamp().sigma);
+            self.white.certificate_uncertainty.hypot(self.white.share_of_lamp(|_| true) * self.lamp().sigma);
         let o = &self.options;
         let mut t = self.azimuths.table(&o.grid, meaning, o.limit_deg, common);
         let corrections = Corrections {

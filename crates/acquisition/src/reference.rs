@@ -61,20 +61,20 @@ pub struct WhiteReference {
 impl WhiteReference {
     /// What is left of one reading's scatter over the pixels that are `used`, root mean square: they share most of it.
     #[must_use]
-    pub fn lamp_share(&self, used: impl Fn(usize) -> bool) -> f64 {
+    pub fn share_of_lamp(&self, used: impl Fn(usize) -> bool) -> f64 {
         let known = self.lamp_share.iter().enumerate().filter(|(p, s)| **s > 0.0 && used(*p));
         let (sum, n) = known.fold((0.0, 0.0f64), |(sum, n), (_, s)| (sum + f64::from(*s).powi(2), n + 1.0));
         (sum / n.max(1.0)).sqrt()
     }
 
     /// Relative standard uncertainty that all cells share by this reference: certificate, lamp, stray light, and what a description's κ leaves of the
-    /// light that the reference sent back to itself.
+    /// light that the reference sent back to itself. `lamp` is how much the lamp's monitor scatters from pose to pose.
     #[must_use]
-    pub fn common_relative(&self, description: &Description) -> f64 {
+    pub fn common_relative(&self, description: &Description, lamp: Scatter) -> f64 {
         let stray = description.radiometry.as_ref().and_then(|r| r.stray.as_ref());
         let kappa = stray.and_then(|s| s.face).map_or(0.0, |k| k.sigma);
         self.certificate_uncertainty
-            .hypot(self.lamp_share(|_| true) * self.lamp.sigma)
+            .hypot(self.share_of_lamp(|_| true) * lamp.sigma)
             .hypot(self.stray_relative)
             .hypot(kappa * self.own_light)
     }

@@ -29,7 +29,7 @@ pub fn checks(
     let white = reducer.white();
     let lamp = reducer.lamp();
     let d = calibrated.map.description();
-    let common = white.common_relative(d);
+    let common = white.common_relative(d, lamp);
     let index = d.radiometry.as_ref().and_then(|r| r.gloss.as_ref()).map_or(BLACK_GLASS_INDEX, |g| g.index);
     let tables: Vec<&Measured> = std::iter::once(table).chain(again).collect();
     vec![

@@ -46,7 +46,7 @@ pub(super) fn find(
         })
         .map_err(|e| in_session(input, e))?;
     }
-    let scale = gloss.finish(settings.index, white.common_relative(d), d.lamp.half_angle_deg);
+    let scale = gloss.finish(settings.index, white.common_relative(d, white.lamp), d.lamp.half_angle_deg);
     if scale.is_none() {
         notes.push("the scale of a gloss is not known: add a session of --kind black-glass".to_owned());
     } else if scale.as_ref().is_some_and(|s| s.half_angle_deg.is_none()) {

@@ -106,8 +106,11 @@ fn a_port_that_cannot_be_opened_says_why() {
 
 #[test]
 fn a_pulled_cable_ends_the_client_with_a_clear_error() {
+    let folder = tempfile::tempdir().expect("a folder");
+    // a name of its own: the pseudo-terminal's is given to the next one as soon as it is free, and another device answers there
+    let link = folder.path().join("ttyGONIO");
     let (firmware, _) = firmware(20.0, Faults::default());
-    let mut pty = serve_pty(firmware, None).expect("a pseudo-terminal");
+    let mut pty = serve_pty(firmware, Some(&link)).expect("a pseudo-terminal");
     let path = pty.path.to_str().expect("text").to_owned();
     let options = Options { patience: Duration::from_millis(100), ..Options::default() };
     let mut stage = SerialStage::open(&path, options).expect("a session");

@@ -88,7 +88,7 @@ fn squares(sums: &[f64; 6]) -> f64 {
     yy - (dy.max(0.0).powi(2) / dd).max(sy.max(0.0).powi(2) / ss)
 }
 
-/// The smallest squares over a grid of exponents (and r0).
+/// The smallest squares over a grid of exponents (and r0). The specular term is `r0 p + (1 - r0) q`, so that products are summed once for all r0.
 fn brute_force(data: &[Datum], full: bool) -> f64 {
     let r0s: Vec<f64> =
         if full { (0..25).map(|k| 0.002 * (490f64).powf(f64::from(k) / 24.0)).collect() } else { vec![1.0] };
@@ -96,35 +96,33 @@ fn brute_force(data: &[Datum], full: bool) -> f64 {
         .into_par_iter()
         .map(|k| {
             let n = (9.0 * f64::from(k) / 60.0).exp();
-            let terms: Vec<(f64, f64, f64)> = data
-                .iter()
-                .map(|x| {
-                    let s = AshikhminShirleySimplified::lobe(n, x.l, x.v);
+            // d², d p, d q, p², p q, q², d y, p y, q y, y² of each colour
+            let mut sums = [[0.0; 10]; 3];
+            for x in data {
+                let p = AshikhminShirleySimplified::lobe(n, x.l, x.v);
+                let (d, q) = if full {
                     let rise = (1.0 - (x.l + x.v).norm() * 0.5).max(0.0).powi(5);
-                    let d = if full {
-                        AshikhminShirley::diffuse_term(0.0, x.l, x.v)
-                    } else {
-                        std::f64::consts::FRAC_1_PI
-                    };
-                    (d, s, s * rise)
-                })
-                .collect();
-            let mut best = f64::INFINITY;
-            for &r0 in &r0s {
-                let mut total = 0.0;
-                for c in 0..3 {
-                    let mut sums = [0.0; 6];
-                    for (x, &(d, p, q)) in data.iter().zip(&terms) {
-                        let (w, y, s) = (x.w[c], x.y[c], r0 * p + (1.0 - r0) * q);
-                        for (sum, z) in sums.iter_mut().zip([d * d, d * s, s * s, d * y, s * y, y * y]) {
-                            *sum += w * z;
-                        }
+                    (AshikhminShirley::diffuse_term(0.0, x.l, x.v), p * rise)
+                } else {
+                    (std::f64::consts::FRAC_1_PI, 0.0)
+                };
+                for (sums, (w, y)) in sums.iter_mut().zip(x.w.into_iter().zip(x.y)) {
+                    let products = [d * d, d * p, d * q, p * p, p * q, q * q, d * y, p * y, q * y, y * y];
+                    for (sum, z) in sums.iter_mut().zip(products) {
+                        *sum += w * z;
                     }
-                    total += squares(&sums);
                 }
-                best = best.min(total);
             }
-            best
+            let at = |r: f64| -> f64 {
+                let t = 1.0 - r;
+                sums.iter()
+                    .map(|&[dd, dp, dq, pp, pq, qq, dy, py, qy, yy]| {
+                        let ss = r * r * pp + 2.0 * r * t * pq + t * t * qq;
+                        squares(&[dd, r * dp + t * dq, ss, dy, r * py + t * qy, yy])
+                    })
+                    .sum()
+            };
+            r0s.iter().map(|&r| at(r)).fold(f64::INFINITY, f64::min)
         })
         .reduce(|| f64::INFINITY, f64::min)
 }

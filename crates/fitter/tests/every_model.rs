@@ -121,24 +121,24 @@ fn told(f: &Fit) -> String {
 
 #[test]
 fn every_model_comes_back_from_node_values() {
-    for (name, text) in TRUTHS {
+    TRUTHS.par_iter().for_each(|(name, text)| {
         let truth = ModelFile::from_json(text).unwrap();
         let f = fit(&node_values(&truth), &options(name));
         let off = difference(&f.to_model_file(), &truth);
         assert!(off < 1e-6, "{name}: {off:.1e} {}", told(&f));
         assert!(matches!(f.status, Status::Converged), "{name}: {}", told(&f));
-    }
+    });
 }
 
 #[test]
 fn every_model_comes_back_from_cell_means() {
-    for (name, text) in TRUTHS {
+    TRUTHS.par_iter().for_each(|(name, text)| {
         let truth = ModelFile::from_json(text).unwrap();
         let f = fit(&cell_values(&truth, Angle::from_degrees(0.5)), &options(name));
         let off = difference(&f.to_model_file(), &truth);
         // the cells are made with other nodes than the fit's; both are within 1e-4 of the mean
         assert!(off < 3e-3, "{name}: {off:.1e} {}", told(&f));
-    }
+    });
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use gonio_brdf::Brdf;
-use gonio_instrument::radiometry::{Haze, StrayLight};
+use gonio_instrument::radiometry::StrayLight;
 use gonio_instrument::{Description, PoseRecord, ScanKind};
 
 use super::RadiometryError;
@@ -56,10 +56,10 @@ pub(super) fn find(
     let of = |kinds: &'static [ScanKind]| inputs.iter().filter(move |i| kinds.contains(&i.kind));
     let mut notes = Vec::new();
     let mut light = StrayLight::default();
-    let mut hazes: Vec<Haze> = Vec::new();
+    let mut hazes = Vec::new();
     for input in of(&[ScanKind::Trap]) {
         for pose in merged(input, &map) {
-            hazes.push(haze::of_trap(&pose?.1.pixels, &map));
+            hazes.push(haze::of_trap(&pose?.1.pixels, &map, response));
         }
     }
     light.haze = haze::mean(&hazes);

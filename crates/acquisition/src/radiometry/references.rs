@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use gonio_instrument::radiometry::FlatField;
+use gonio_instrument::radiometry::{FlatField, Known};
 use gonio_instrument::{Description, ScanKind};
 
 use super::RadiometryError;
@@ -32,12 +32,16 @@ pub(super) fn find(
         return Ok(Vec::new());
     };
     let told = |e: AcquisitionError| in_session(input, e);
-    let mut builder = WhiteBuilder::new(map.clone(), certificate, input.notes.clone(), &Options::default())
-        .map_err(told)?;
-    for record in (input.poses)() {
-        builder.add_pose(&record).map_err(told)?;
-    }
-    let white = builder.finish().map_err(told)?;
+    let see = |map: &Arc<PixelMap>| -> Result<WhiteReference, RadiometryError> {
+        let mut builder =
+            WhiteBuilder::new(map.clone(), certificate, input.notes.clone(), &Options::default())
+                .map_err(told)?;
+        for record in (input.poses)() {
+            builder.add_pose(&record).map_err(told)?;
+        }
+        builder.finish().map_err(told)
+    };
+    let white = see(&map)?;
     let mut gloss = GlossSeries::default();
     for input in inputs.iter().filter(|i| i.kind == ScanKind::BlackGlass) {
         let mut poses = (input.poses)();
@@ -52,7 +56,16 @@ pub(super) fn find(
     } else if scale.as_ref().is_some_and(|s| s.half_angle_deg.is_none()) {
         notes.push("the camera's pixels are too coarse to show the lamp's profile".to_owned());
     }
-    let flat = flat_field(&white, &map);
+    // pixels answer to all light that reaches them; without what went astray they would seem to differ by more
+    let mut bare = d.clone();
+    if let Some(r) = &mut bare.radiometry {
+        r.stray = None;
+    }
+    let bare = Arc::new(PixelMap::new(&bare));
+    let seen = see(&bare)?;
+    let response = defects::find(&seen.scale, &bare, |p| f64::from(seen.relative_variance[p])).spread;
+    drop(seen);
+    let flat = flat_field(&white, &map, response);
     let r = d.radiometry.get_or_insert_default();
     r.flat = Some(flat);
     r.gloss = scale;
@@ -60,14 +73,13 @@ pub(super) fn find(
     Ok(gloss.points.iter().map(|p| [p.0.degrees(), p.1, p.2]).collect())
 }
 
-fn flat_field(white: &WhiteReference, map: &PixelMap) -> FlatField {
+fn flat_field(white: &WhiteReference, map: &PixelMap, pixel_response: Known) -> FlatField {
     let w = map.width();
     let mut of: [Vec<f64>; 3] = Default::default();
-    let (mut signal, mut noise) = (vec![f32::NAN; white.scale.len()], (0.0, 0.0));
+    let mut noise = (0.0, 0.0);
     for (p, k) in white.scale.iter().enumerate().filter(|(_, k)| k.is_finite()) {
         let etendue = map.optics().etendue((p % w) as f64 + 0.5, (p / w) as f64 + 0.5);
         of[map.channel(p)].push(f64::from(*k) / etendue.max(1e-9));
-        signal[p] = *k;
         noise.0 += f64::from(white.relative_variance[p]);
         noise.1 += 1.0;
     }
@@ -77,13 +89,12 @@ fn flat_field(white: &WhiteReference, map: &PixelMap) -> FlatField {
         v.sort_unstable_by(f64::total_cmp);
         v.get(v.len() / 2).copied().unwrap_or(0.0)
     });
-    let response = defects::find(&signal, map, |p| f64::from(white.relative_variance[p]));
     FlatField {
         serial: white.serial.clone(),
         scale,
         pixel_sigma: relative.sqrt(),
         certificate: white.certificate_uncertainty,
         covered,
-        pixel_response: response.spread,
+        pixel_response,
     }
 }

@@ -15,6 +15,7 @@ use crate::cells::Cell;
 use crate::coat::Gloss;
 use crate::lamp::Scatter;
 use crate::reference::WhiteReference;
+use crate::robust::{SIGMA_OF_MEDIAN, median};
 
 /// Cells nearer to the mirror direction take no part: there a lobe changes within a cell.
 const MIRROR_DEG: f64 = 15.0;
@@ -78,11 +79,6 @@ impl Check {
 
 /// Names of the checks, in the order of a report.
 pub const NAMES: [&str; 5] = ["reciprocity", "white-cosine", "black-glass", "first-pose", "remounting"];
-
-fn median(values: &mut [f64]) -> f64 {
-    values.sort_unstable_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
-}
 
 /// σ without what the whole table shares.
 fn own_sigma(m: &Measured, i: usize, c: usize) -> f64 {
@@ -155,8 +151,8 @@ pub fn reciprocity(m: &Measured) -> Check {
         );
     }
     let n = differences.len();
-    let value = 1.4826 * median(&mut differences);
-    let expected = median(&mut sigmas);
+    let value = SIGMA_OF_MEDIAN * median(&mut differences).unwrap_or(0.0);
+    let expected = median(&mut sigmas).unwrap_or(0.0);
     let words = format!(
         "f with light and view exchanged, {n} pairs of values beyond {MIRROR_DEG}° of the mirror direction, robust standard deviation"
     );
@@ -241,7 +237,7 @@ pub(crate) fn repeated(first: &[Option<Cell>], last: &[Option<Cell>]) -> Option<
     }
     let n = ratios.len();
     (n >= LEAST).then(|| Repeated {
-        departure: median(&mut ratios),
+        departure: median(&mut ratios).unwrap_or(0.0),
         sigma: 1.25 * (noise / n as f64).sqrt() / (n as f64).sqrt(),
         cells: n,
     })

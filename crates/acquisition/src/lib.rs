@@ -34,6 +34,7 @@ pub mod radiometry;
 pub mod reducer;
 pub mod reference;
 pub mod reference_plan;
+mod robust;
 pub mod row;
 pub mod runner;
 pub mod sensor;

@@ -5,6 +5,7 @@
 use gonio_instrument::radiometry::Known;
 
 use crate::pixel_map::PixelMap;
+use crate::robust::{SIGMA_OF_MEDIAN, median};
 
 /// Response below and above which a pixel is dead, relative to its surroundings.
 const DEAD: [f64; 2] = [0.5, 2.0];
@@ -63,10 +64,9 @@ pub fn find(signal: &[f32], map: &PixelMap, noise: impl Fn(usize) -> f64) -> Res
             shaken += noise(p);
         }
     }
-    departures.sort_unstable_by(f64::total_cmp);
     // by the median, which edges of shadows do not widen; the mean of eight neighbours has an eighth of one's variance
     let (n, own) = (departures.len().max(1) as f64, 9.0 / 8.0);
-    let total = (1.4826 * departures.get(departures.len() / 2).copied().unwrap_or(0.0)).powi(2) / own;
+    let total = (SIGMA_OF_MEDIAN * median(&mut departures).unwrap_or(0.0)).powi(2) / own;
     let spread = (total - shaken / n).max(0.0).sqrt();
     // a median of n squares is known to about 2.3/√n, of neighbours that overlap a little less
     let square_sigma = total * 3.0 / n.sqrt();

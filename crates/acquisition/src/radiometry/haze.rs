@@ -4,12 +4,11 @@ use gonio_instrument::radiometry::Haze;
 
 use crate::merge::Merged;
 use crate::pixel_map::PixelMap;
+use crate::robust::{SIGMA_OF_MEDIAN, median};
 
 /// Values of a tile farther from their median than so many of its standard deviations stay out: hot pixels that were not known. Where light bends in a tile, none is so
 /// far; a middle half would be the mean of another place.
 const FAR: f64 = 6.0;
-/// Standard deviation of normal deviates over their median distance from their median.
-const OF_MEDIAN: f64 = 1.4826;
 
 /// The haze of one merged pose.
 #[derive(Clone, Debug)]
@@ -61,14 +60,9 @@ fn means(merged: &[Merged], map: &PixelMap, tiles: [u32; 2]) -> Vec<[f64; 3]> {
 fn robust_mean(values: &mut [f64]) -> Option<f64> {
     let middle = median(values)?;
     let mut distances: Vec<f64> = values.iter().map(|v| (v - middle).abs()).collect();
-    let far = FAR * OF_MEDIAN * median(&mut distances)?;
+    let far = FAR * SIGMA_OF_MEDIAN * median(&mut distances)?;
     let near = || values.iter().filter(|v| (*v - middle).abs() <= far);
     Some(near().sum::<f64>() / near().count().max(1) as f64)
-}
-
-fn median(values: &mut [f64]) -> Option<f64> {
-    values.sort_unstable_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
 }
 
 /// Mean of hazes on one grid; `None` without any.

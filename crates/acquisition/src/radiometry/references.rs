@@ -58,13 +58,10 @@ pub(super) fn find(
     }
     // pixels answer to all light that reaches them; without what went astray they would seem to differ by more
     let mut bare = d.clone();
-    if let Some(r) = &mut bare.radiometry {
-        r.stray = None;
-    }
-    let bare = Arc::new(PixelMap::new(&bare));
-    let seen = see(&bare)?;
-    let response = defects::find(&seen.scale, &bare, |p| f64::from(seen.relative_variance[p])).spread;
-    drop(seen);
+    let astray = bare.radiometry.as_mut().and_then(|r| r.stray.take()).is_some();
+    let seen = if astray { Some(see(&Arc::new(PixelMap::new(&bare)))?) } else { None };
+    let seen = seen.as_ref().unwrap_or(&white);
+    let response = defects::find(&seen.scale, &map, |p| f64::from(seen.relative_variance[p])).spread;
     let flat = flat_field(&white, &map, response);
     let r = d.radiometry.get_or_insert_default();
     r.flat = Some(flat);
